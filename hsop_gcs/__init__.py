@@ -1,0 +1,1 @@
+"""The HSOP ground-control service: reports → tracks → placement → assignment → mission → link."""

@@ -1,0 +1,26 @@
+"""What can go wrong that is nobody's programming error.
+
+HsopError
+├── BadInput          a value somebody gave cannot be used; names the field and the value
+└── Unavailable       something needed is not there (a port, a file, a service); says which
+
+A caller's mistake inside the library stays a ``ValueError``; an infeasible placement is an answer, not an error;
+a bad packet is counted. Only the API layer turns these into HTTP, only the command line into exit codes.
+"""
+
+
+class HsopError(Exception):
+    """Base of everything a user can be told about in one line."""
+
+
+class BadInput(HsopError):
+    """A value that cannot be used."""
+
+    def __init__(self, field: str, problem: str) -> None:
+        super().__init__(f"{field}: {problem}")
+        self.field = field
+        self.problem = problem
+
+
+class Unavailable(HsopError):
+    """Something outside is not there."""

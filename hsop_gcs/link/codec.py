@@ -1,0 +1,148 @@
+"""Bytes to messages and back: the only module that knows pymavlink.
+
+One ``Encoder`` per sending identity, one ``Decoder`` per peer. A frame that does not decode is counted, never raised:
+what arrives from a radio is not a programming error.
+
+The dialect is ardupilotmega, which holds common as well and speaks to PX4 alike (CRC_EXTRA is equal for all shared ids).
+"""
+
+from dataclasses import dataclass, fields
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hsop_gcs.link import messages
+from hsop_gcs.link.messages import Message, Unknown
+
+STX_V1, STX_V2 = 0xFE, 0xFD
+_SIGNED = 0x01
+_KNOWN_INCOMPAT_FLAGS = _SIGNED
+
+_CLASSES: dict[int, type[Message]] = {
+    cls.ID: cls for cls in vars(messages).values() if isinstance(cls, type) and issubclass(cls, Message) and hasattr(cls, "ID")
+}
+_FIELDS = {cls: tuple(field.name for field in fields(cls)) for cls in _CLASSES.values()}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """One message with the identity of its sender."""
+
+    message: Message
+    system: int
+    component: int
+    sequence: int
+    raw: bytes
+
+
+class Encoder:
+    """Turns messages into MAVLink 2 frames of one sender and counts their sequence numbers."""
+
+    def __init__(self, *, system: int, component: int) -> None:
+        self._mav = dialect.MAVLink(None, srcSystem=system, srcComponent=component)
+
+    def encode(self, message: Message) -> bytes:
+        """Return the frame. Raises ValueError naming the message if a field does not fit its wire type."""
+        wire = dialect.mavlink_map[message.ID]
+        values = [_to_wire(getattr(message, name)) for name in wire.fieldnames]
+        try:
+            frame: bytes = wire(*values).pack(self._mav)
+        except (TypeError, ValueError, OverflowError, dialect.struct.error) as error:
+            raise ValueError(f"{message.NAME} cannot be encoded: {error}: {message}") from error
+        self._mav.seq = (self._mav.seq + 1) % 256
+        return frame
+
+
+@dataclass(slots=True, kw_only=True)
+class DecoderCounters:
+    """What went through one decoder, and what of it was no good."""
+
+    frames: int = 0
+    unknown: int = 0
+    """Well-formed frames whose message id is not one of ours."""
+    bad_frames: int = 0
+    """Frames with a wrong checksum, a wrong length or flags nobody may ignore."""
+    skipped_bytes: int = 0
+
+
+class Decoder:
+    """Finds frames in what one peer sent. Holds no more than one partial frame."""
+
+    def __init__(self) -> None:
+        self._mav = dialect.MAVLink(None)
+        self._rest = b""
+        self.counters = DecoderCounters()
+
+    def feed_datagram(self, datagram: bytes) -> list[Frame]:
+        """Decode one datagram; a frame never continues in the next one."""
+        frames, rest = self._scan(datagram)
+        if rest:
+            self.counters.bad_frames += 1
+            self.counters.skipped_bytes += len(rest)
+        return frames
+
+    def feed_stream(self, data: bytes) -> list[Frame]:
+        """Decode a piece of a byte stream (TCP, serial); the incomplete end is kept for the next call."""
+        frames, self._rest = self._scan(self._rest + data)
+        return frames
+
+    def _scan(self, data: bytes) -> tuple[list[Frame], bytes]:
+        frames: list[Frame] = []
+        at = 0
+        while at < len(data):
+            if data[at] not in (STX_V1, STX_V2):
+                self.counters.skipped_bytes += 1
+                at += 1
+                continue
+            length = _frame_length(data, at)
+            if length is None or at + length > len(data):
+                return frames, data[at:]
+            frame = self._decode(data[at : at + length])
+            if frame is None:
+                self.counters.bad_frames += 1
+                self.counters.skipped_bytes += 1
+                at += 1
+            else:
+                self.counters.frames += 1
+                frames.append(frame)
+                at += length
+        return frames, b""
+
+    def _decode(self, raw: bytes) -> Frame | None:
+        version_2 = raw[0] == STX_V2
+        if version_2 and raw[2] & ~_KNOWN_INCOMPAT_FLAGS:
+            return None
+        try:
+            wire = self._mav.decode(bytearray(raw))
+        except dialect.MAVError:
+            return None
+        message_id = int.from_bytes(raw[7:10], "little") if version_2 else raw[5]
+        cls = _CLASSES.get(message_id)
+        message: Message
+        if cls is None or isinstance(wire, dialect.MAVLink_unknown):
+            self.counters.unknown += 1
+            message = Unknown(message_id=message_id)
+        else:
+            message = cls(**{name: _from_wire(getattr(wire, name)) for name in _FIELDS[cls]})
+        system, component, sequence = (raw[5], raw[6], raw[4]) if version_2 else (raw[3], raw[4], raw[2])
+        return Frame(message=message, system=system, component=component, sequence=sequence, raw=raw)
+
+
+def _frame_length(data: bytes, at: int) -> int | None:
+    """Whole length of the frame that starts at ``at``, bytes; None while its header is incomplete."""
+    if data[at] == STX_V1:
+        return data[at + 1] + 8 if at + 1 < len(data) else None
+    if at + 2 >= len(data):
+        return None
+    return data[at + 1] + 12 + (13 if data[at + 2] & _SIGNED else 0)
+
+
+def _to_wire(value: object) -> object:
+    if isinstance(value, str):
+        return value.encode()
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _from_wire(value: object) -> object:
+    if isinstance(value, bytes):
+        return value.rstrip(b"\0").decode(errors="replace")
+    return tuple(value) if isinstance(value, list) else value
