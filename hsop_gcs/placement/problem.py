@@ -1,0 +1,59 @@
+"""What is asked: threats to localize, hosts to do it with, and the rules (letter, section IV; design, sections 3 and 4)."""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from hsop_gcs.cameras.rig import CameraRig
+
+Point = tuple[float, float, float]
+"""East, north, up, metres (or metres per second), local frame."""
+
+
+class Formulation(StrEnum):
+    LETTER = "letter"
+    OPERATIONAL = "operational"
+
+
+class Objective(StrEnum):
+    LETTER = "letter"
+    RMS = "rms"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Threat:
+    """An intruder as the planner sees it: a straight path at constant speed."""
+
+    id: str
+    position_m: Point
+    velocity_mps: Point = (0.0, 0.0, 0.0)
+    size_m: float = 1.0
+    weight: float = 1.0
+
+    def predicted_m(self, after_s: float) -> Point:
+        """Return where it will be ``after_s`` seconds on (Eq. 7)."""
+        (x, y, z), (vx, vy, vz) = self.position_m, self.velocity_mps
+        return (x + after_s * vx, y + after_s * vy, z + after_s * vz)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AvailableHost:
+    """A host that may be placed, and where it is now."""
+
+    id: str
+    position_m: Point
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
+    """One placement question. Frozen and picklable: a solve may run in another process."""
+
+    threats: tuple[Threat, ...]
+    hosts: tuple[AvailableHost, ...] = ()
+    """Empty: as many as it takes, named h1, h2, ..."""
+    rig: CameraRig = field(default_factory=CameraRig)
+    horizon_s: float = 10.0
+    safety_distance_m: float = 20.0
+    formulation: Formulation = Formulation.OPERATIONAL
+    objective: Objective = Objective.LETTER
+    min_separation_m: float = 10.0
+    """Between hover points; operational formulation only."""

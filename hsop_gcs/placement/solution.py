@@ -1,0 +1,66 @@
+"""What is answered: where hosts hover, where they look, and which camera sees which threat."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from hsop_gcs.cameras.rig import CameraKind
+from hsop_gcs.placement.problem import Formulation, Objective, Point
+
+
+class Status(StrEnum):
+    """How good the answer is. Infeasible is an answer, not an error."""
+
+    OPTIMAL = "optimal"
+    """No better placement exists within 0.1 %; every constraint holds."""
+    FEASIBLE = "feasible"
+    """The best placement found; every constraint holds."""
+    INFEASIBLE = "infeasible"
+    """No placement was found that sees every threat; ``reason`` says why."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HoverPose:
+    """One host's place: position ENU metres, compass heading of its fisheye axis, aim of its central camera."""
+
+    host: str
+    position_m: Point
+    heading_deg: float
+    pan_deg: float | None
+    """Compass pan of the central camera; None when it is not used."""
+    tilt_deg: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """One camera of one host on one threat."""
+
+    host: str
+    camera: CameraKind
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThreatPair:
+    """A host-threat pair: the threat and the two views that triangulate it."""
+
+    threat: str
+    views: tuple[View, View]
+    cost: float
+    """Its share of Eq. 8, both points."""
+    expected_error_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Placement:
+    """The answer to a ``Problem``."""
+
+    status: Status
+    formulation: Formulation
+    objective: Objective
+    hosts: tuple[HoverPose, ...] = ()
+    pairs: tuple[ThreatPair, ...] = ()
+    cost: float | None = None
+    lower_bound: float = 0.0
+    solve_time_s: float = 0.0
+    seed: int = 0
+    reason: str = ""
+    """Why nothing was found, in terms of the input; empty otherwise."""
