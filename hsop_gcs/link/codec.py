@@ -3,7 +3,8 @@
 One ``Encoder`` per sending identity, one ``Decoder`` per peer. A frame that does not decode is counted, never raised:
 what arrives from a radio is not a programming error.
 
-The dialect is ardupilotmega, which holds common as well and speaks to PX4 alike (CRC_EXTRA is equal for all shared ids).
+The dialect is ardupilotmega, which holds common as well and speaks to PX4 alike (CRC_EXTRA is equal
+for all shared ids).
 """
 
 from dataclasses import dataclass, fields
@@ -18,7 +19,9 @@ _SIGNED = 0x01
 _KNOWN_INCOMPAT_FLAGS = _SIGNED
 
 _CLASSES: dict[int, type[Message]] = {
-    cls.ID: cls for cls in vars(messages).values() if isinstance(cls, type) and issubclass(cls, Message) and hasattr(cls, "ID")
+    cls.ID: cls
+    for cls in vars(messages).values()
+    if isinstance(cls, type) and issubclass(cls, Message) and hasattr(cls, "ID")
 }
 _FIELDS = {cls: tuple(field.name for field in fields(cls)) for cls in _CLASSES.values()}
 
@@ -32,6 +35,8 @@ class Frame:
     component: int
     sequence: int
     raw: bytes
+    verified: bool = True
+    """False for an id outside the dialect, whose checksum cannot be checked."""
 
 
 class Encoder:
@@ -44,6 +49,10 @@ class Encoder:
         """Return the frame. Raises ValueError naming the message if a field does not fit its wire type."""
         wire = dialect.mavlink_map[message.ID]
         values = [_to_wire(getattr(message, name)) for name in wire.fieldnames]
+        for name, value, size in zip(wire.fieldnames, values, wire.array_lengths, strict=True):
+            fits = len(value) <= size if isinstance(value, bytes) else not isinstance(value, list) or len(value) == size
+            if not fits:
+                raise ValueError(f"{message.NAME}.{name} has room for {size}: {message}")
         try:
             frame: bytes = wire(*values).pack(self._mav)
         except (TypeError, ValueError, OverflowError, dialect.struct.error) as error:
@@ -74,18 +83,15 @@ class Decoder:
 
     def feed_datagram(self, datagram: bytes) -> list[Frame]:
         """Decode one datagram; a frame never continues in the next one."""
-        frames, rest = self._scan(datagram)
-        if rest:
-            self.counters.bad_frames += 1
-            self.counters.skipped_bytes += len(rest)
+        frames, _ = self._scan(datagram, more_may_come=False)
         return frames
 
     def feed_stream(self, data: bytes) -> list[Frame]:
         """Decode a piece of a byte stream (TCP, serial); the incomplete end is kept for the next call."""
-        frames, self._rest = self._scan(self._rest + data)
+        frames, self._rest = self._scan(self._rest + data, more_may_come=True)
         return frames
 
-    def _scan(self, data: bytes) -> tuple[list[Frame], bytes]:
+    def _scan(self, data: bytes, *, more_may_come: bool) -> tuple[list[Frame], bytes]:
         frames: list[Frame] = []
         at = 0
         while at < len(data):
@@ -94,17 +100,22 @@ class Decoder:
                 at += 1
                 continue
             length = _frame_length(data, at)
-            if length is None or at + length > len(data):
+            complete = length is not None and at + length <= len(data)
+            if not complete and more_may_come:
                 return frames, data[at:]
-            frame = self._decode(data[at : at + length])
+            frame = self._decode(data[at : at + length]) if complete and length is not None else None
+            if frame is not None and not frame.verified and self._good_frame_begins(data, at + 1, at + len(frame.raw)):
+                frame = None
             if frame is None:
+                # Perhaps no frame began here at all: what follows is looked at byte by byte.
                 self.counters.bad_frames += 1
                 self.counters.skipped_bytes += 1
                 at += 1
-            else:
-                self.counters.frames += 1
-                frames.append(frame)
-                at += length
+                continue
+            self.counters.frames += 1
+            self.counters.unknown += isinstance(frame.message, Unknown)
+            frames.append(frame)
+            at += len(frame.raw)
         return frames, b""
 
     def _decode(self, raw: bytes) -> Frame | None:
@@ -117,14 +128,29 @@ class Decoder:
             return None
         message_id = int.from_bytes(raw[7:10], "little") if version_2 else raw[5]
         cls = _CLASSES.get(message_id)
+        verified = not isinstance(wire, dialect.MAVLink_unknown)
         message: Message
-        if cls is None or isinstance(wire, dialect.MAVLink_unknown):
-            self.counters.unknown += 1
+        if cls is None or not verified:
             message = Unknown(message_id=message_id)
         else:
             message = cls(**{name: _from_wire(getattr(wire, name)) for name in _FIELDS[cls]})
         system, component, sequence = (raw[5], raw[6], raw[4]) if version_2 else (raw[3], raw[4], raw[2])
-        return Frame(message=message, system=system, component=component, sequence=sequence, raw=raw)
+        return Frame(message=message, system=system, component=component, sequence=sequence, raw=raw, verified=verified)
+
+    def _good_frame_begins(self, data: bytes, start: int, stop: int) -> bool:
+        """Tell whether a frame with a good checksum begins in ``data[start:stop]``.
+
+        An id outside the dialect has a checksum nobody can verify; a chance STX in front of such an id must not
+        swallow the real frames behind it.
+        """
+        for at in range(start, stop):
+            if data[at] in (STX_V1, STX_V2):
+                length = _frame_length(data, at)
+                if length is not None and at + length <= len(data):
+                    frame = self._decode(data[at : at + length])
+                    if frame is not None and frame.verified:
+                        return True
+        return False
 
 
 def _frame_length(data: bytes, at: int) -> int | None:
