@@ -1,0 +1,41 @@
+"""The hosts: camera aircraft, what they carry and how they are reached."""
+
+from dataclasses import dataclass, field
+
+from hsop_gcs.cameras.rig import CameraRig
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Host:
+    """An aircraft that carries one peripheral-central vision rig."""
+
+    id: str
+    system_id: int
+    """Its MAVLink system id, 1..255."""
+    connection: str
+    """``udpin:HOST:PORT`` to listen there, ``udpout:HOST:PORT`` to speak first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightLimits:
+    """Where and how fast hosts fly; altitudes in metres above the mission's origin."""
+
+    floor_m: float = 5.0
+    ceiling_m: float = 120.0
+    speed_mps: float = 8.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fleet:
+    """All hosts of a mission; they carry the same rig."""
+
+    hosts: tuple[Host, ...]
+    limits: FlightLimits = field(default_factory=FlightLimits)
+    rig: CameraRig = field(default_factory=CameraRig)
+
+    def host_of_system(self, system_id: int) -> Host:
+        """Return the host with this MAVLink system id. Raises KeyError if there is none."""
+        for host in self.hosts:
+            if host.system_id == system_id:
+                return host
+        raise KeyError(system_id)
