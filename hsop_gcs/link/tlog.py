@@ -1,0 +1,51 @@
+"""Telemetry logs: each record is a big-endian count of microseconds since the Unix epoch and one raw MAVLink frame.
+
+The form that every ground station reads and writes.  Source: MAVLink developer guide, "Telemetry log".
+"""
+
+from collections.abc import Iterator
+from typing import BinaryIO
+
+from hsop_gcs.link.codec import STX_V1, STX_V2, Decoder, Frame
+
+_STAMP_BYTES = 8
+_SIGNED = 0x01
+
+
+def read_tlog(file: BinaryIO) -> Iterator[tuple[float, Frame]]:
+    """Yield (seconds since the Unix epoch, frame) in the order of the file.
+
+    A record that was cut off at the end of the file ends the reading; a record whose frame does not decode is left out;
+    bytes that are no record are skipped until a stamp is followed by a start byte again.
+    """
+    data = file.read()
+    decoder = Decoder()
+    at = 0
+    while at + _STAMP_BYTES + 3 <= len(data):
+        start = at + _STAMP_BYTES
+        if data[start] == STX_V2:
+            length = data[start + 1] + 12 + (13 if data[start + 2] & _SIGNED else 0)
+        elif data[start] == STX_V1:
+            length = data[start + 1] + 8
+        else:
+            at += 1
+            continue
+        if start + length > len(data):
+            return
+        frames = decoder.feed_datagram(data[start : start + length])
+        if len(frames) != 1 or len(frames[0].raw) != length:
+            at += 1
+            continue
+        yield int.from_bytes(data[at:start], "big") / 1e6, frames[0]
+        at = start + length
+
+
+class TlogWriter:
+    """Appends frames to an open binary file; the caller opens and closes it."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+
+    def write(self, time_s: float, raw: bytes) -> None:
+        """Write one frame. time_s: seconds since the Unix epoch."""
+        self._file.write(round(time_s * 1e6).to_bytes(_STAMP_BYTES, "big") + raw)
