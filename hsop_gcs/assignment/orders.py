@@ -46,21 +46,22 @@ class NoSafeFlight:
 def orders_for(
     placement: Placement,
     movers: tuple[Mover, ...],
-    threats: tuple[Threat, ...],
     *,
+    threats_now: tuple[Threat, ...],
+    threats_then: tuple[Threat, ...],
     horizon_s: float,
     safety_distance_m: float,
 ) -> tuple[HostOrder, ...] | NoSafeFlight:
     """Give every hover pose to a host: minimum longest flight among flights that keep the safety distance.
 
-    ``threats`` are as they are now, not as they will be when the hosts have arrived; flights are straight and begin
-    at once.
+    ``threats_now`` decide which flights are safe: straight ones that begin at once. ``threats_then``, the threats of
+    the placement, decide where cameras look. Orders come in the sequence of the placement's hosts.
     """
     flight_m = np.array(
         [
             [
                 math.dist(mover.position_m, pose.position_m)
-                if clearance_m(mover, pose.position_m, threats, horizon_s=horizon_s) >= safety_distance_m
+                if clearance_m(mover, pose.position_m, threats_now, horizon_s=horizon_s) >= safety_distance_m
                 else math.inf
                 for pose in placement.hosts
             ]
@@ -71,7 +72,7 @@ def orders_for(
     if chosen is None:
         return NoSafeFlight(reason=_why_not(flight_m, placement, safety_distance_m))
     return tuple(
-        _order(movers[host].id, pose, placement, threats, horizon_s)
+        _order(movers[host].id, pose, placement, threats_then, horizon_s)
         for host, pose in zip(chosen, placement.hosts, strict=True)
     )
 
@@ -133,5 +134,5 @@ def _why_not(flight_m: FloatArray, placement: Placement, safety_distance_m: floa
     ]
     if blocked:
         east, north, _ = blocked[0]
-        return f"no host can reach hover point ({east:.0f}, {north:.0f}) m and stay {safety_distance_m:g} m from all threats"
+        return f"no host can reach ({east:.0f}, {north:.0f}) m and stay {safety_distance_m:g} m from all threats"
     return f"not all hosts can reach their hover points and stay {safety_distance_m:g} m from all threats"

@@ -1,6 +1,7 @@
 """What is answered: where hosts hover, where they look, and which camera sees which threat."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from hsop_gcs.cameras.rig import CameraKind
@@ -64,3 +65,13 @@ class Placement:
     seed: int = 0
     reason: str = ""
     """Why nothing was found, in terms of the input; empty otherwise."""
+
+
+def renamed(placement: Placement, names: Mapping[str, str]) -> Placement:
+    """Return the placement with its hosts under other names; every host must have one."""
+    pairs = []
+    for pair in placement.pairs:
+        first, second = (replace(view, host=names[view.host]) for view in pair.views)
+        pairs.append(replace(pair, views=(first, second)))
+    hosts = tuple(replace(pose, host=names[pose.host]) for pose in placement.hosts)
+    return replace(placement, hosts=hosts, pairs=tuple(pairs))

@@ -1,0 +1,137 @@
+"""Plans and their life, as values: proposed → (approved) → flying → replaced, and when a new one is due.
+
+        a decision            approve(id) or autonomy auto
+(none) ────────────▶ proposed ────────────────────────────▶ flying
+                        │ a newer decision, or its             │ a newer plan flies, or
+                        │ window is over                       │ all its threats are gone
+                        ▼                                      ▼
+                     replaced                                 over
+"""
+
+import math
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+from hsop_gcs.mission.pipeline import Decision
+from hsop_gcs.tracks import Track
+
+
+class Autonomy(StrEnum):
+    """Who decides that a plan flies."""
+
+    ADVISE = "advise"
+    """Nobody: plans are shown, never flown."""
+    CONFIRM = "confirm"
+    """A person approves each plan."""
+    AUTO = "auto"
+    """Every plan flies at once."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """A decision with a name and a time; all times are seconds since the Unix epoch."""
+
+    id: str
+    made_at_s: float
+    expires_at_s: float
+    """End of its window: the prediction it was made for reaches no further."""
+    trigger: str
+    """Why it was made."""
+    decision: Decision
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplanRules:
+    """When a plan is due."""
+
+    horizon_s: float = 10.0
+    departure_m: float = 5.0
+    """A threat this far from its prediction has departed from it, on top of the report's own uncertainty."""
+    retry_s: float = 2.0
+    """Between attempts while no plan can be made."""
+    velocity_wait_s: float = 1.5
+    """A threat without a known velocity is given this long to show one before it is planned for at rest."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissionState:
+    """The plans there are. ``failed`` is the newest decision that could not become a plan, None once one could."""
+
+    proposed: Plan | None = None
+    flying: Plan | None = None
+    failed: Plan | None = None
+    made: int = 0
+
+    @property
+    def newest(self) -> Plan | None:
+        """The plan that the next one has to improve on."""
+        plans = [plan for plan in (self.proposed, self.flying, self.failed) if plan is not None]
+        return max(plans, key=lambda plan: plan.made_at_s, default=None)
+
+
+def ready(tracks: tuple[Track, ...], now_s: float, rules: ReplanRules) -> tuple[Track, ...]:
+    """Return the tracks worth planning for: those whose velocity is known or will not be known soon."""
+    return tuple(
+        track for track in tracks if track.velocity_known or now_s - track.first_seen_s > rules.velocity_wait_s
+    )
+
+
+def replan_reason(
+    state: MissionState, tracks: tuple[Track, ...], available: frozenset[str], now_s: float, rules: ReplanRules
+) -> str | None:
+    """Return why a new plan is due now, for a person, or None."""
+    if not tracks:
+        return None
+    newest = state.newest
+    if newest is None:
+        return f"threat {tracks[0].id} appeared"
+    planned = {threat.id: threat for threat in newest.decision.threats}
+    if newest is state.failed:
+        waited = now_s >= newest.made_at_s + rules.retry_s
+        return "no plan yet" if waited else None
+    for track in tracks:
+        if track.id not in planned:
+            return f"threat {track.id} appeared"
+    for threat_id in planned:
+        if threat_id not in {track.id for track in tracks}:
+            return f"threat {threat_id} left"
+    for track in tracks:
+        expected = planned[track.id].predicted_m(track.time_s - newest.decision.window_start_s)
+        departed_m = math.dist(expected, track.position_m)
+        if departed_m > rules.departure_m + 3 * (track.sigma_m or 0.0):
+            return f"threat {track.id} is {departed_m:.0f} m from its prediction"
+    for order in newest.decision.orders:
+        if order.host not in available:
+            return f"host {order.host} is not available any more"
+    if now_s > newest.expires_at_s:
+        return "the horizon has run out"
+    return None
+
+
+def with_decision(
+    state: MissionState, decision: Decision, *, trigger: str, now_s: float, horizon_s: float
+) -> MissionState:
+    """Return the state after a decision: a new proposal that replaces an older one, or a failure to show."""
+    made = state.made + 1
+    plan = Plan(
+        id=f"P{made}",
+        made_at_s=now_s,
+        expires_at_s=decision.window_start_s + horizon_s,
+        trigger=trigger,
+        decision=decision,
+    )
+    if decision.orders:
+        return replace(state, made=made, proposed=plan, failed=None)
+    return replace(state, made=made, proposed=None, failed=plan)
+
+
+def with_proposal_flying(state: MissionState) -> MissionState:
+    """Return the state in which the proposed plan flies. Raises ValueError if there is none."""
+    if state.proposed is None:
+        raise ValueError("no plan is proposed")
+    return replace(state, flying=state.proposed, proposed=None)
+
+
+def without_threats(state: MissionState) -> MissionState:
+    """Return the state after the last threat has left: no plan holds any more; hosts hover where they are."""
+    return replace(state, proposed=None, flying=None, failed=None)
