@@ -1,0 +1,130 @@
+"""Asking a vehicle for the messages we live on.
+
+ArduPilot sends only heartbeats until asked; PX4 sends much unasked, at rates of its own. A vehicle that restarted has
+forgotten what was asked of it, perhaps within one lost link's time, so silence of a single message asks again too.
+
+    down ──link up──► asking ──answered──► watching ──a message is missing──► asking (those that are missing)
+      ▲                                        │
+      └──────────────link lost─────────────────┘
+"""
+
+from dataclasses import dataclass
+
+from hsop_gcs.link.enums import MavCmd, MavComponent
+from hsop_gcs.link.events import Event
+from hsop_gcs.link.messages import (
+    Attitude,
+    AutopilotVersion,
+    BatteryStatus,
+    CommandLong,
+    ExtendedSysState,
+    GimbalDeviceAttitudeStatus,
+    GimbalManagerStatus,
+    GlobalPositionInt,
+    GpsRawInt,
+    HomePosition,
+    Message,
+    SysStatus,
+)
+from hsop_gcs.link.protocol.command import REPEATABLE, CommandSender, Outcome, Request, Verdict
+
+RATES_HZ: dict[type[Message], float] = {
+    GlobalPositionInt: 10.0,
+    Attitude: 10.0,
+    ExtendedSysState: 2.0,
+    HomePosition: 0.5,
+    GimbalDeviceAttitudeStatus: 5.0,
+    GimbalManagerStatus: 1.0,
+    SysStatus: 1.0,
+    GpsRawInt: 1.0,
+    BatteryStatus: 0.5,
+}
+"""In the order of asking: what gates an order comes first."""
+
+_ONCE: tuple[type[Message], ...] = (HomePosition, AutopilotVersion)
+_PERIODS_MISSED = 5
+_WATCH_EVERY_S = 5.0
+_ASK_FOR_S = 20.0
+
+
+@dataclass(slots=True)
+class _Wanted:
+    rate_hz: float
+    heard_s: float | None = None
+    refused: bool = False
+
+
+class Subscriptions:
+    """Keeps the wanted messages coming; the commands go through the vehicle's ``CommandSender``."""
+
+    def __init__(self, system: int, commands: CommandSender) -> None:
+        self._system = system
+        self._commands = commands
+        self._wanted: dict[type[Message], _Wanted] = {}
+        self._tickets: dict[int, type[Message]] = {}
+        self._watch_at: float | None = None
+
+    @property
+    def wake_at(self) -> float | None:
+        """When the arrivals are looked over next."""
+        return self._watch_at
+
+    def link_up(self, now: float) -> None:
+        """Ask for everything."""
+        self._wanted = {kind: _Wanted(rate_hz=rate_hz) for kind, rate_hz in RATES_HZ.items()}
+        for kind in RATES_HZ:
+            self._ask(kind, now)
+        for kind in _ONCE:
+            self._command(MavCmd.REQUEST_MESSAGE, kind, 0.0, now)
+        self._watch_at = now + _WATCH_EVERY_S
+
+    def link_lost(self, now: float) -> None:
+        """Stop watching."""
+        self._watch_at = None
+
+    def receive(self, message: Message, now: float) -> None:
+        """Note that a message came."""
+        wanted = self._wanted.get(type(message))
+        if wanted is not None:
+            wanted.heard_s = now
+
+    def settle(self, outcome: Outcome, now: float) -> None:
+        """Take the end of a command; a refused rate is not asked for again until the link is new."""
+        kind = self._tickets.pop(outcome.ticket, None)
+        if kind is not None and outcome.verdict is Verdict.REFUSED:
+            self._wanted[kind].refused = True
+
+    def advance(self, now: float) -> None:
+        """Ask again for what is missing."""
+        if self._watch_at is None or now < self._watch_at:
+            return
+        self._watch_at = now + _WATCH_EVERY_S
+        under_way = set(self._tickets.values())
+        for kind, wanted in self._wanted.items():
+            patience_s = max(_PERIODS_MISSED / wanted.rate_hz, _WATCH_EVERY_S)
+            missing = wanted.heard_s is None or now - wanted.heard_s > patience_s
+            if missing and not wanted.refused and kind not in under_way:
+                self._ask(kind, now)
+
+    def take_outgoing(self) -> list[Message]:
+        """Everything goes through the command sender."""
+        return []
+
+    def take_events(self) -> list[Event]:
+        """Nothing here is news to anybody above."""
+        return []
+
+    def _ask(self, kind: type[Message], now: float) -> None:
+        ticket = self._command(MavCmd.SET_MESSAGE_INTERVAL, kind, 1e6 / self._wanted[kind].rate_hz, now)
+        self._tickets[ticket] = kind
+
+    def _command(self, command: MavCmd, kind: type[Message], param2: float, now: float) -> int:
+        message = CommandLong(
+            target_system=self._system,
+            target_component=MavComponent.AUTOPILOT1,
+            command=command,
+            param1=float(kind.ID),
+            param2=param2,
+        )
+        request = Request(message=message, key=f"ask {kind.NAME}", tries=REPEATABLE, deadline_s=now + _ASK_FOR_S)
+        return self._commands.submit(request, now)

@@ -1,0 +1,249 @@
+"""What is known of one vehicle, kept from its messages.
+
+Unknown values are None, never zero; MAVLink's "unknown" numbers (and latitude = longitude = 0) are translated.
+The machine has no states of its own: every message makes the next ``VehicleState``.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from hsop_gcs.geometry.frames import Aim, GeodeticPoint
+from hsop_gcs.link.adapters import Adapter, adapter_for
+from hsop_gcs.link.enums import GimbalFlags, MavComponent, MavLandedState, MavModeFlag, MavSysStatusSensor
+from hsop_gcs.link.events import Event, ModeChanged, StatusTextReceived
+from hsop_gcs.link.messages import (
+    Attitude,
+    AutopilotVersion,
+    BatteryStatus,
+    ExtendedSysState,
+    GimbalDeviceAttitudeStatus,
+    GlobalPositionInt,
+    GpsRawInt,
+    Heartbeat,
+    HomePosition,
+    Message,
+    StatusText,
+    SysStatus,
+)
+
+Autopilot = Literal["px4", "ardupilot", "other"]
+
+_STATUSTEXT_CHARACTERS = 50
+_JOIN_WITHIN_S = 1.0
+_TEXTS_KEPT = 5
+_UNKNOWN_U16 = 65535
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatusLine:
+    """A line the autopilot wrote, with the time it arrived."""
+
+    time_s: float
+    severity: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleState:
+    """The newest known state of one vehicle. Times are those of the link's clock."""
+
+    system: int
+    link_up: bool = False
+    last_heard_s: float | None = None
+    autopilot: Autopilot | None = None
+    firmware: str | None = None
+    armed: bool | None = None
+    in_air: bool | None = None
+    """Taking off and landing count as in the air."""
+    custom_mode: int | None = None
+    mode: str | None = None
+    position: GeodeticPoint | None = None
+    position_heard_s: float | None = None
+    altitude_above_home_m: float | None = None
+    velocity_enu_mps: tuple[float, float, float] | None = None
+    heading_deg: float | None = None
+    roll_deg: float | None = None
+    pitch_deg: float | None = None
+    gimbal: Aim | None = None
+    """Where the gimbal looks, in the earth frame."""
+    gimbal_heard_s: float | None = None
+    home: GeodeticPoint | None = None
+    battery_percent: float | None = None
+    gps_fix: int | None = None
+    """GPS_FIX_TYPE: 3 and above is a position in three dimensions."""
+    satellites: int | None = None
+    ready_to_arm: bool | None = None
+    """The autopilot's own pre-arm bit; ArduPilot may set it and still refuse."""
+    texts: tuple[StatusLine, ...] = ()
+    """The last few lines, newest last."""
+
+
+class Telemetry:
+    """Keeps ``state`` and ``adapter`` from what a vehicle sends."""
+
+    def __init__(self, system: int) -> None:
+        self.state = VehicleState(system=system)
+        self.adapter: Adapter | None = None
+        self._events: list[Event] = []
+        self._part: tuple[float, StatusText] | None = None
+
+    @property
+    def wake_at(self) -> float | None:
+        """When a status text whose rest never came is told as it is."""
+        return self._part[0] + _JOIN_WITHIN_S if self._part is not None else None
+
+    def receive(self, message: Message, now: float, *, component: int = MavComponent.AUTOPILOT1) -> None:
+        """Take a message of the vehicle; only gimbals report from components of their own."""
+        if isinstance(message, GimbalDeviceAttitudeStatus):
+            self._gimbal(message, now)
+        elif component == MavComponent.AUTOPILOT1:
+            self._autopilot(message, now)
+
+    def advance(self, now: float) -> None:
+        """Tell a status text whose rest did not come in time."""
+        if self.wake_at is not None and now >= self.wake_at:
+            self._tell_text(now)
+
+    def take_outgoing(self) -> list[Message]:
+        """Listening sends nothing."""
+        return []
+
+    def take_events(self) -> list[Event]:
+        """Return what happened, once."""
+        events, self._events = self._events, []
+        return events
+
+    def presence(self, *, up: bool, heard_s: float | None) -> None:
+        """Take over what is known of the link itself."""
+        if (up, heard_s) != (self.state.link_up, self.state.last_heard_s):
+            self.state = replace(self.state, link_up=up, last_heard_s=heard_s)
+
+    def _autopilot(self, message: Message, now: float) -> None:
+        match message:
+            case Heartbeat():
+                self._heartbeat(message)
+            case GlobalPositionInt():
+                self._position(message, now)
+            case Attitude():
+                self.state = replace(
+                    self.state,
+                    heading_deg=math.degrees(message.yaw) % 360.0,
+                    roll_deg=math.degrees(message.roll),
+                    pitch_deg=math.degrees(message.pitch),
+                )
+            case ExtendedSysState() if message.landed_state != MavLandedState.UNDEFINED:
+                self.state = replace(self.state, in_air=message.landed_state != MavLandedState.ON_GROUND)
+            case HomePosition():
+                home = _place(message.latitude, message.longitude, message.altitude)
+                self.state = replace(self.state, home=home or self.state.home)
+            case SysStatus():
+                self._sys_status(message)
+            case BatteryStatus() if message.id == 0 and 0 <= message.battery_remaining <= 100:
+                self.state = replace(self.state, battery_percent=float(message.battery_remaining))
+            case GpsRawInt():
+                satellites = None if message.satellites_visible == 255 else message.satellites_visible
+                self.state = replace(self.state, gps_fix=message.fix_type, satellites=satellites)
+            case AutopilotVersion():
+                version = message.flight_sw_version
+                self.state = replace(self.state, firmware=f"{version >> 24}.{version >> 16 & 255}.{version >> 8 & 255}")
+            case StatusText():
+                self._text(message, now)
+
+    def _heartbeat(self, message: Heartbeat) -> None:
+        self.adapter = adapter_for(message.autopilot)
+        names: dict[str, Autopilot] = {"px4": "px4", "ardupilot": "ardupilot"}
+        mode = self.adapter.mode_name(message.custom_mode) if self.adapter else f"mode {message.custom_mode}"
+        if self.state.mode is not None and self.state.mode != mode:
+            self._events.append(ModeChanged(system=self.state.system, before=self.state.mode, after=mode))
+        self.state = replace(
+            self.state,
+            autopilot=names[self.adapter.name] if self.adapter else "other",
+            armed=bool(message.base_mode & MavModeFlag.SAFETY_ARMED),
+            custom_mode=message.custom_mode,
+            mode=mode,
+        )
+
+    def _position(self, message: GlobalPositionInt, now: float) -> None:
+        position = _place(message.lat, message.lon, message.alt)
+        if position is None:
+            self.state = replace(self.state, position=None, position_heard_s=None, altitude_above_home_m=None)
+            return
+        heading_deg = self.state.heading_deg
+        if heading_deg is None and message.hdg != _UNKNOWN_U16:
+            heading_deg = message.hdg / 100 % 360.0
+        self.state = replace(
+            self.state,
+            position=position,
+            position_heard_s=now,
+            altitude_above_home_m=message.relative_alt / 1000,
+            velocity_enu_mps=(message.vy / 100, message.vx / 100, -message.vz / 100),
+            heading_deg=heading_deg,
+        )
+
+    def _sys_status(self, message: SysStatus) -> None:
+        prearm = int(MavSysStatusSensor.PREARM_CHECK)
+        known = message.onboard_control_sensors_present & prearm
+        ready = bool(message.onboard_control_sensors_health & prearm) if known else None
+        battery = message.battery_remaining
+        percent = float(battery) if 0 <= battery <= 100 else self.state.battery_percent
+        self.state = replace(self.state, ready_to_arm=ready, battery_percent=percent)
+
+    def _gimbal(self, message: GimbalDeviceAttitudeStatus, now: float) -> None:
+        aim = gimbal_aim(message, self.state.heading_deg)
+        if aim is not None:
+            self.state = replace(self.state, gimbal=aim, gimbal_heard_s=now)
+
+    def _text(self, message: StatusText, now: float) -> None:
+        if self._part is not None:
+            begun = self._part[1]
+            if message.id == begun.id and message.chunk_seq == begun.chunk_seq + 1:
+                joined = replace(message, text=begun.text + message.text)
+                self._part = (now, joined)
+            else:
+                self._tell_text(now)
+                self._part = (now, message)
+        else:
+            self._part = (now, message)
+        if message.id == 0 or len(message.text) < _STATUSTEXT_CHARACTERS:
+            self._tell_text(now)
+
+    def _tell_text(self, now: float) -> None:
+        if self._part is None:
+            return
+        message, self._part = self._part[1], None
+        text = message.text.strip()
+        line = StatusLine(time_s=now, severity=message.severity, text=text)
+        self.state = replace(self.state, texts=(*self.state.texts, line)[-_TEXTS_KEPT:])
+        self._events.append(StatusTextReceived(system=self.state.system, severity=message.severity, text=text))
+
+
+def gimbal_aim(message: GimbalDeviceAttitudeStatus, heading_deg: float | None) -> Aim | None:
+    """Return where a gimbal looks, in the earth frame; None if it does not say, or says it from an unknown nose.
+
+    The frame bits tell whether the quaternion's yaw counts from north or from the nose; without them the yaw lock does.
+    Source: MAVLink developer guide, "Gimbal protocol v2".
+    """
+    w, x, y, z = message.q
+    norm = math.sqrt(w * w + x * x + y * y + z * z)
+    if not math.isfinite(norm) or norm < 0.5:
+        return None
+    w, x, y, z = w / norm, x / norm, y / norm, z / norm
+    tilt_deg = math.degrees(math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x)))))
+    yaw_deg = math.degrees(math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+    flags = message.flags
+    from_nose = bool(flags & GimbalFlags.YAW_IN_VEHICLE_FRAME)
+    from_north = bool(flags & GimbalFlags.YAW_IN_EARTH_FRAME)
+    if not from_nose and not from_north:
+        from_north = bool(flags & GimbalFlags.YAW_LOCK)
+    if from_north:
+        return Aim(pan_deg=yaw_deg % 360.0, tilt_deg=tilt_deg)
+    if heading_deg is None:
+        return None
+    return Aim(pan_deg=(yaw_deg + heading_deg) % 360.0, tilt_deg=tilt_deg)
+
+
+def _place(lat_e7: int, lon_e7: int, altitude_mm: int) -> GeodeticPoint | None:
+    if lat_e7 == 0 and lon_e7 == 0:
+        return None
+    return GeodeticPoint(lat_deg=lat_e7 / 1e7, lon_deg=lon_e7 / 1e7, altitude_amsl_m=altitude_mm / 1000)
