@@ -6,10 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from hsop_gcs.cameras.checks import require_positive
+from hsop_gcs.errors import BadInput
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PinholeCamera:
-    """A perspective camera without distortion; the defaults are the letter's Tables 1 and 2."""
+    """A perspective camera without distortion; the defaults are the letter's Tables 1 and 2. Raises BadInput."""
 
     focal_length_mm: float = 4.8
     sensor_width_mm: float = 4.8
@@ -17,6 +20,12 @@ class PinholeCamera:
     fov_deg: float = 53.0
     min_pixels: float = 30.0
     """Smallest width at which the detector finds an object, pixels."""
+
+    def __post_init__(self) -> None:
+        for name in ("focal_length_mm", "sensor_width_mm", "resolution_px", "min_pixels"):
+            require_positive(name, getattr(self, name))
+        if not 0 < self.fov_deg < 180:
+            raise BadInput("fov_deg", f"must lie between 0 and 180, not {self.fov_deg!r}")
 
     @property
     def focal_length_px(self) -> float:
