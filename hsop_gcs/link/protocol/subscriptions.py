@@ -78,7 +78,7 @@ class Subscriptions:
             self._command(MavCmd.REQUEST_MESSAGE, kind, 0.0, now)
         self._watch_at = now + _WATCH_EVERY_S
 
-    def link_lost(self, now: float) -> None:
+    def link_lost(self) -> None:
         """Stop watching."""
         self._watch_at = None
 
@@ -88,7 +88,7 @@ class Subscriptions:
         if wanted is not None:
             wanted.heard_s = now
 
-    def settle(self, outcome: Outcome, now: float) -> None:
+    def settle(self, outcome: Outcome) -> None:
         """Take the end of a command; a refused rate is not asked for again until the link is new."""
         kind = self._tickets.pop(outcome.ticket, None)
         if kind is not None and outcome.verdict is Verdict.REFUSED:

@@ -1,0 +1,318 @@
+"""The gimbal, by MAVLink's gimbal protocol v2: find the manager, take control of it, aim, and look whether it looks.
+
+    unknown ──280 received──► known ──CONFIGURE accepted──► ours ──aim──► aiming ◄──► on target
+       ▲                        ▲                            │
+       │                        └──281 names somebody else, or PITCHYAW denied──┘
+       └─ link lost
+
+The aim is kept in the earth frame. Where an autopilot counts the yaw from the nose it is sent again as the heading
+changes, at most five times a second. Only the reported attitude says that the gimbal is on target.
+"""
+
+import math
+from dataclasses import dataclass
+
+from hsop_gcs.geometry.frames import Aim, wrap_deg
+from hsop_gcs.link.adapters.adapter import GimbalLimits
+from hsop_gcs.link.enums import MavCmd, MavComponent, MavResult
+from hsop_gcs.link.events import AimClipped, Event, GimbalControlLost, GimbalFailed, GimbalOffTarget, GimbalOnTarget
+from hsop_gcs.link.identity import GROUND_STATION, Identity
+from hsop_gcs.link.messages import (
+    Attitude,
+    CommandLong,
+    GimbalDeviceAttitudeStatus,
+    GimbalManagerInformation,
+    GimbalManagerStatus,
+    Message,
+)
+from hsop_gcs.link.protocol.command import REPEATABLE, CommandSender, Outcome, Request, Verdict
+from hsop_gcs.link.protocol.telemetry import Telemetry
+
+_UNCHANGED = -1.0
+_ASK_FOR_S = 5.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GimbalTolerances:
+    """When a gimbal counts as on target, and how often it is spoken to."""
+
+    on_target_deg: float = 2.0
+    off_target_deg: float = 4.0
+    hold_s: float = 0.5
+    least_change_deg: float = 0.5
+    least_period_s: float = 0.2
+    again_after_s: float = 2.0
+    """An aim that is not reached is sent again."""
+    give_up_after_s: float = 30.0
+    """An aim that is not reached by then is reported as failed, once, and still tried."""
+    status_settles_s: float = 0.5
+    """A manager status this soon after our CONFIGURE may be older than it."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Manager:
+    component: int
+    device_id: int
+    limits: GimbalLimits | None
+
+
+class Gimbal:
+    """The gimbal of one vehicle. See the module's diagram."""
+
+    def __init__(
+        self,
+        telemetry: Telemetry,
+        commands: CommandSender,
+        *,
+        own: Identity = GROUND_STATION,
+        tolerances: GimbalTolerances | None = None,
+    ) -> None:
+        self.tolerances = tolerances or GimbalTolerances()
+        self.aim: Aim | None = None
+        self.on_target = False
+        self._telemetry = telemetry
+        self._commands = commands
+        self._own = own
+        self._events: list[Event] = []
+        self._order_id = ""
+        self._manager: _Manager | None = None
+        self._ours = False
+        self._configured_at = -math.inf
+        self._ticket: int | None = None
+        self._next_at = 0.0
+        self._sent: tuple[float, float] | None = None
+        self._sent_at = -math.inf
+        self._inside_since: float | None = None
+        self._outside_since: float | None = None
+        self._give_up_at: float | None = None
+        self._refusal = ""
+
+    def link_up(self, now: float) -> None:
+        """Look for the gimbal manager; one found before may have been replaced by a restart."""
+        self._manager, self._ours, self._ticket, self._sent = None, False, None, None
+        self._next_at = now
+        self.advance(now)
+
+    def start(self, aim: Aim, *, order_id: str, heading_deg: float, now: float) -> None:
+        """Aim the camera for an order. heading_deg: the heading it will be aimed at, for a check of the limits."""
+        self.aim, self._order_id = aim, order_id
+        self.on_target = False
+        self._inside_since = self._outside_since = self._sent = None
+        self._refusal = ""
+        self._give_up_at = now + self.tolerances.give_up_after_s
+        given = self._clipped(aim, heading_deg)
+        if separation_deg(aim, given) > self.tolerances.least_change_deg:
+            self._events.append(AimClipped(system=self._system, order_id=order_id, wanted=aim, given=given))
+        self.advance(now)
+
+    def stop(self, now: float) -> None:
+        """Leave the gimbal as it is."""
+        self._commands.withdraw(_key("aim"), now)
+        self.aim, self.on_target, self._give_up_at = None, False, None
+
+    @property
+    def error_deg(self) -> float | None:
+        """The angle between where the gimbal looks and where it should; None without an aim or a report."""
+        looks = self._telemetry.state.gimbal
+        return separation_deg(self.aim, looks) if self.aim is not None and looks is not None else None
+
+    @property
+    def wake_at(self) -> float | None:
+        """When there is something to send or to give up."""
+        if not self._telemetry.state.link_up:
+            return None
+        times = [] if self._ticket is not None else [self._next_at] if self._has_work() else []
+        if self._give_up_at is not None:
+            times.append(self._give_up_at)
+        return min(times, default=None)
+
+    def receive(self, message: Message, now: float, *, component: int = MavComponent.AUTOPILOT1) -> None:
+        """Take a message of the vehicle; ``Telemetry`` has had it already."""
+        match message:
+            case GimbalManagerInformation():
+                adapter = self._telemetry.adapter
+                limits = adapter.gimbal_limits(message) if adapter is not None else None
+                self._manager = _Manager(component, message.gimbal_device_id, _usable(limits))
+                self._next_at = now
+            case GimbalManagerStatus():
+                self._status(message, component, now)
+            case GimbalDeviceAttitudeStatus():
+                self._check_target(now)
+            case Attitude():
+                pass
+            case _:
+                return
+        self.advance(now)
+
+    def settle(self, outcome: Outcome, now: float) -> None:
+        """Take the end of a command."""
+        if outcome.ticket != self._ticket:
+            return
+        self._ticket = None
+        command = outcome.request.message.command
+        if command == MavCmd.DO_GIMBAL_MANAGER_CONFIGURE and outcome.accepted:
+            self._ours, self._configured_at, self._next_at = True, now, now
+        elif command == MavCmd.DO_GIMBAL_MANAGER_PITCHYAW and outcome.accepted:
+            self._next_at = max(now, self._sent_at + self.tolerances.least_period_s)
+        elif outcome.verdict is not Verdict.SUPERSEDED:
+            self._next_at = now + self.tolerances.again_after_s
+            if not outcome.accepted:
+                self._refusal = f"{MavCmd(command).name}: {outcome.problem}"
+                self._sent = None
+            if outcome.result == MavResult.DENIED and command == MavCmd.DO_GIMBAL_MANAGER_PITCHYAW:
+                self._ours, self._next_at = False, now
+        self.advance(now)
+
+    def advance(self, now: float) -> None:
+        """Do the next thing that is due."""
+        if self._give_up_at is not None and now >= self._give_up_at:
+            self._give_up_at = None
+            self._events.append(GimbalFailed(system=self._system, order_id=self._order_id, reason=self._why_not()))
+        if self._ticket is not None or now < self._next_at or not self._has_work():
+            return
+        if self._manager is None:
+            self._ask(now)
+        elif not self._ours:
+            self._take_control(self._manager, now)
+        else:
+            self._send_aim(self._manager, now)
+
+    def take_outgoing(self) -> list[Message]:
+        """Everything goes through the command sender."""
+        return []
+
+    def take_events(self) -> list[Event]:
+        """Return what happened, once."""
+        events, self._events = self._events, []
+        return events
+
+    @property
+    def _system(self) -> int:
+        return self._telemetry.state.system
+
+    def _has_work(self) -> bool:
+        """Whether anything is to be sent as soon as ``_next_at`` allows."""
+        state = self._telemetry.state
+        if not state.link_up or self._telemetry.adapter is None:
+            return False
+        if self._manager is None:
+            return True
+        return self.aim is not None and state.heading_deg is not None
+
+    def _ask(self, now: float) -> None:
+        self._next_at = now + self.tolerances.again_after_s
+        self._ticket = self._command(
+            MavCmd.REQUEST_MESSAGE,
+            MavComponent.AUTOPILOT1,
+            (float(GimbalManagerInformation.ID),),
+            "find",
+            now,
+        )
+
+    def _take_control(self, manager: _Manager, now: float) -> None:
+        # Our own ids, spelled out: "me" means the sender to ArduPilot and the autopilot itself to PX4.
+        ids = (float(self._own.system), float(self._own.component), _UNCHANGED, _UNCHANGED)
+        parameters = (*ids, 0.0, 0.0, float(manager.device_id))
+        command = MavCmd.DO_GIMBAL_MANAGER_CONFIGURE
+        self._ticket = self._command(command, manager.component, parameters, "control", now)
+
+    def _send_aim(self, manager: _Manager, now: float) -> None:
+        adapter, heading_deg = self._telemetry.adapter, self._telemetry.state.heading_deg
+        if self.aim is None or adapter is None or heading_deg is None:
+            return
+        given = self._clipped(self.aim, heading_deg)
+        yaw_deg = wrap_deg(given.pan_deg - heading_deg) if adapter.gimbal_yaw_from_nose else wrap_deg(given.pan_deg)
+        wanted = (given.tilt_deg, yaw_deg)
+        overdue = not self.on_target and now >= self._sent_at + self.tolerances.again_after_s
+        if self._sent is not None and not overdue and _close(wanted, self._sent, self.tolerances.least_change_deg):
+            self._next_at = now + self.tolerances.least_period_s
+            return
+        self._sent, self._sent_at = wanted, now
+        parameters = (*wanted, math.nan, math.nan, float(adapter.gimbal_flags), 0.0, float(manager.device_id))
+        command = MavCmd.DO_GIMBAL_MANAGER_PITCHYAW
+        self._ticket = self._command(command, manager.component, parameters, "aim", now)
+
+    def _command(self, command: MavCmd, component: int, parameters: tuple[float, ...], purpose: str, now: float) -> int:
+        # COMMAND_LONG: PX4 before mid-2026 divides the flags of a COMMAND_INT by 1e7.
+        message = CommandLong(
+            target_system=self._system,
+            target_component=component,
+            command=command,
+            **{f"param{number}": value for number, value in enumerate(parameters, start=1)},  # type: ignore[arg-type]
+        )
+        request = Request(message=message, key=_key(purpose), tries=REPEATABLE, deadline_s=now + _ASK_FOR_S)
+        return self._commands.submit(request, now)
+
+    def _status(self, message: GimbalManagerStatus, component: int, now: float) -> None:
+        manager = self._manager
+        if manager is None or (component, message.gimbal_device_id) != (manager.component, manager.device_id):
+            return
+        owner = (message.primary_control_sysid, message.primary_control_compid)
+        mine = owner == (self._own.system, self._own.component)
+        if self._ours and not mine and now >= self._configured_at + self.tolerances.status_settles_s:
+            self._ours, self._next_at = False, now
+            if self.aim is not None:
+                self._events.append(
+                    GimbalControlLost(
+                        system=self._system, order_id=self._order_id, owner_system=owner[0], owner_component=owner[1]
+                    )
+                )
+
+    def _check_target(self, now: float) -> None:
+        error_deg = self.error_deg
+        if error_deg is None:
+            return
+        inside = error_deg <= self.tolerances.on_target_deg
+        outside = error_deg > self.tolerances.off_target_deg
+        self._inside_since = (now if self._inside_since is None else self._inside_since) if inside else None
+        self._outside_since = (now if self._outside_since is None else self._outside_since) if outside else None
+        if not self.on_target and self._inside_since is not None and now - self._inside_since >= self.tolerances.hold_s:
+            self.on_target, self._give_up_at = True, None
+            self._events.append(GimbalOnTarget(system=self._system, order_id=self._order_id))
+        elif self.on_target and self._outside_since is not None and now - self._outside_since >= self.tolerances.hold_s:
+            self.on_target = False
+            self._give_up_at = now + self.tolerances.give_up_after_s
+            self._events.append(GimbalOffTarget(system=self._system, order_id=self._order_id))
+
+    def _clipped(self, aim: Aim, heading_deg: float) -> Aim:
+        limits = self._manager.limits if self._manager is not None else None
+        if limits is None:
+            return aim
+        from_nose_deg = min(max(wrap_deg(aim.pan_deg - heading_deg), limits.pan_min_deg), limits.pan_max_deg)
+        tilt_deg = min(max(aim.tilt_deg, limits.tilt_min_deg), limits.tilt_max_deg)
+        return Aim(pan_deg=(from_nose_deg + heading_deg) % 360.0, tilt_deg=tilt_deg)
+
+    def _why_not(self) -> str:
+        if self._manager is None:
+            return "no gimbal manager answers" + (f" ({self._refusal})" if self._refusal else "")
+        if not self._ours:
+            return "the gimbal manager does not give us control" + (f" ({self._refusal})" if self._refusal else "")
+        error_deg = self.error_deg
+        return (
+            "the gimbal does not report where it looks" if error_deg is None else f"{error_deg:.0f}° beside its target"
+        )
+
+
+def separation_deg(one: Aim, other: Aim) -> float:
+    """Return the angle between two lines of sight, degrees."""
+    tilt_1, tilt_2 = math.radians(one.tilt_deg), math.radians(other.tilt_deg)
+    across = math.radians(one.pan_deg - other.pan_deg)
+    # The haversine: unlike the scalar product it keeps its digits for small angles.
+    half = math.sin((tilt_1 - tilt_2) / 2) ** 2 + math.cos(tilt_1) * math.cos(tilt_2) * math.sin(across / 2) ** 2
+    return math.degrees(2 * math.asin(min(1.0, math.sqrt(half))))
+
+
+def _usable(limits: GimbalLimits | None) -> GimbalLimits | None:
+    """Limits that leave no room, or are no numbers, are no limits anybody meant."""
+    if limits is None:
+        return None
+    room = limits.tilt_min_deg < limits.tilt_max_deg and limits.pan_min_deg < limits.pan_max_deg
+    return limits if room else None
+
+
+def _close(one: tuple[float, float], other: tuple[float, float], within_deg: float) -> bool:
+    return abs(one[0] - other[0]) <= within_deg and abs(wrap_deg(one[1] - other[1])) <= within_deg
+
+
+def _key(purpose: str) -> str:
+    return f"gimbal {purpose}"
