@@ -2,6 +2,8 @@
 
 HsopError
 ├── BadInput          a value somebody gave cannot be used; names the field and the value
+├── NotKnown          what was asked for does not exist
+├── Refused           an operator's wish that cannot be granted now; says why
 └── Unavailable       something needed is not there (a port, a file, a service); says which
 
 A caller's mistake inside the library stays a ``ValueError``; an infeasible placement is an answer, not an error;
@@ -20,6 +22,14 @@ class BadInput(HsopError):
         super().__init__(f"{field}: {problem}")
         self.field = field
         self.problem = problem
+
+
+class NotKnown(HsopError):
+    """A plan, a host or a threat that does not exist."""
+
+
+class Refused(HsopError):
+    """An operator's wish that cannot be granted now."""
 
 
 class Unavailable(HsopError):

@@ -1,7 +1,5 @@
 """The command line: ``hsop-gcs COMMAND``. Each command lives in a module of its own and imports what it needs late."""
 
-import sys
-
 import typer
 
 from hsop_gcs.errors import BadInput, HsopError
@@ -25,8 +23,8 @@ def main() -> None:
     try:
         app()
     except BadInput as error:
-        print(f"hsop-gcs: {error}", file=sys.stderr)
+        typer.echo(f"hsop-gcs: {error}", err=True)
         raise SystemExit(2) from None
     except HsopError as error:
-        print(f"hsop-gcs: {error}", file=sys.stderr)
+        typer.echo(f"hsop-gcs: {error}", err=True)
         raise SystemExit(1) from None

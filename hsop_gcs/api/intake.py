@@ -1,0 +1,74 @@
+"""Reports as they arrive: one or many, each judged by itself, so that one bad report never costs a good one."""
+
+import json
+from typing import Any
+
+from pydantic import ValidationError
+
+from hsop_gcs.api.problems import faults_of
+from hsop_gcs.api.schemas import FieldFault, ReportIn, ReportResult, ReportResults
+from hsop_gcs.errors import BadInput
+from hsop_gcs.mission.controller import Mission
+from hsop_gcs.reports import Report, ReportRules, Site, locate
+
+MAX_REPORTS = 1000
+
+
+def parse_json(body: bytes) -> Any:
+    """Return the parsed body. Raises BadInput that says where the JSON ends being JSON."""
+    try:
+        return json.loads(body)
+    except json.JSONDecodeError as error:
+        raise BadInput("body", f"not JSON: {error.msg} at line {error.lineno} column {error.colno}") from error
+    except (UnicodeDecodeError, RecursionError) as error:
+        raise BadInput("body", f"not JSON: {error}") from error
+
+
+def take(raw: Any, mission: Mission) -> ReportResults:
+    """Judge one report (an object) or many (an array). Raises BadInput if it is neither, or too many."""
+    if not isinstance(raw, dict | list):
+        raise BadInput("body", "must be a report or an array of reports")
+    reports = raw if isinstance(raw, list) else [raw]
+    if not 1 <= len(reports) <= MAX_REPORTS:
+        raise BadInput("body", f"{len(reports)} reports; 1 to {MAX_REPORTS} are taken at once")
+    results = [_take_one(index, each, mission) for index, each in enumerate(reports)]
+    accepted = sum(result.status == "accepted" for result in results)
+    return ReportResults(accepted=accepted, rejected=len(results) - accepted, results=results)
+
+
+def _take_one(index: int, raw: Any, mission: Mission) -> ReportResult:
+    try:
+        report = to_report(ReportIn.model_validate(raw), mission.site, mission.report_rules)
+    except ValidationError as error:
+        faults = faults_of(error.errors())
+        mission.refuse_report(faults[0]["field"])
+        return ReportResult(index=index, status="rejected", errors=[FieldFault(**fault) for fault in faults])
+    except BadInput as error:
+        mission.refuse_report(error.field)
+        return _rejected(index, error)
+    try:
+        track = mission.submit(report)
+    except BadInput as error:
+        return _rejected(index, error)
+    return ReportResult(index=index, status="accepted", threat=track.id)
+
+
+def _rejected(index: int, error: BadInput) -> ReportResult:
+    return ReportResult(index=index, status="rejected", errors=[FieldFault(field=error.field, problem=error.problem)])
+
+
+def to_report(given: ReportIn, site: Site, rules: ReportRules) -> Report:
+    """Return the report in the local frame. Raises BadInput for a place or a datum that cannot be used."""
+    position = given.position
+    velocity = given.velocity
+    return Report(
+        source=given.source,
+        threat_id=given.threat_id,
+        time_s=given.time.timestamp(),
+        position_m=locate(
+            position.lat_deg, position.lon_deg, position.altitude_m, position.altitude_datum, site, rules
+        ),
+        velocity_mps=None if velocity is None else (velocity.east_mps, velocity.north_mps, velocity.up_mps),
+        size_m=given.size_m,
+        sigma_m=given.sigma_m,
+    )

@@ -1,0 +1,157 @@
+"""The REST API, /api/v1."""
+
+from typing import Any
+
+from fastapi import APIRouter, FastAPI, Request
+from fastapi.responses import JSONResponse
+
+from hsop_gcs.api import intake, views
+from hsop_gcs.api.problems import MEDIA_TYPE, install, problem
+from hsop_gcs.api.schemas import (
+    ApprovalIn,
+    HealthOut,
+    HostOut,
+    HostsIn,
+    HostsOut,
+    PlansOut,
+    ReportIn,
+    ReportResults,
+    TakeOffIn,
+    ThreatOut,
+)
+from hsop_gcs.errors import BadInput
+from hsop_gcs.mission.controller import Mission
+
+_REF = "#/components/schemas/{model}"
+_ONE_REPORT = {"$ref": _REF.format(model="ReportIn")}
+_PROBLEM: dict[str, Any] = {
+    "description": "What is wrong, with the field and the value",
+    "content": {MEDIA_TYPE: {"schema": {"$ref": _REF.format(model="Problem")}}},
+}
+
+
+def _problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    return dict.fromkeys(statuses, _PROBLEM)
+
+
+def create_api(mission: Mission, *, max_body_bytes: int = 1_000_000) -> FastAPI:
+    """Return the application that serves one mission."""
+    app = FastAPI(
+        title="hsop_gcs",
+        summary="Threat reports in; hover points, headings and camera aims out.",
+        version="1",
+        max_body_size=max_body_bytes,
+        redirect_slashes=False,
+    )
+    app.include_router(_routes(mission))
+    install(app)
+    _describe_more(app)
+    return app
+
+
+def _routes(mission: Mission) -> APIRouter:
+    router = APIRouter(prefix="/api/v1")
+    started_at_s = mission.clock()
+
+    @router.post(
+        "/reports",
+        response_model=ReportResults,
+        operation_id="postReports",
+        responses=_problems(400, 413, 422),
+        openapi_extra={
+            "requestBody": {
+                "required": True,
+                "content": {
+                    "application/json": {
+                        "schema": {"anyOf": [_ONE_REPORT, {"type": "array", "items": _ONE_REPORT, "maxItems": 1000}]}
+                    }
+                },
+            }
+        },
+    )
+    async def post_reports(request: Request) -> ReportResults | JSONResponse:
+        """Report one threat, or many; each is judged by itself and answered at its own index.
+
+        200 if at least one was accepted, 422 if none was.
+        """
+        try:
+            raw = intake.parse_json(await request.body())
+        except BadInput as error:
+            return problem(400, str(error))
+        results = intake.take(raw, mission)
+        if results.accepted == 0:
+            first = results.results[0].errors[0]
+            return problem(
+                422,
+                f"{first.field}: {first.problem}",
+                errors=[fault.model_dump() for fault in results.results[0].errors],
+                results=[result.model_dump() for result in results.results],
+            )
+        return results
+
+    @router.get("/threats", operation_id="getThreats")
+    async def get_threats() -> list[ThreatOut]:
+        """All threats in the picture, each at its newest report."""
+        return [views.threat_out(track, mission) for track in mission.picture.tracks.values()]
+
+    @router.get("/hosts", operation_id="getHosts")
+    async def get_hosts() -> list[HostOut]:
+        """All hosts of the fleet: link, state, newest order and how far it is carried out."""
+        return [views.host_out(host, mission) for host in mission.fleet.hosts]
+
+    @router.get("/plan", operation_id="getPlan")
+    async def get_plan() -> PlansOut:
+        """The plan that waits for approval, the one that flies, and why there is none if there is none."""
+        return views.plans_out(mission)
+
+    @router.post("/plan/approve", operation_id="approvePlan", responses=_problems(404, 409, 422))
+    async def approve_plan(approval: ApprovalIn) -> PlansOut:
+        """Let the proposed plan fly. The id makes sure that it is the plan that was looked at."""
+        mission.approve(approval.plan_id)
+        return views.plans_out(mission)
+
+    @router.post("/hosts/take-off", operation_id="takeOff", responses=_problems(404, 422))
+    async def take_off(wanted: TakeOffIn) -> HostsOut:
+        """Order hosts into the air. Nothing else in this service makes a host take off."""
+        return HostsOut(hosts=mission.take_off(wanted.altitude_m, wanted.hosts))
+
+    @router.post("/hosts/hold", operation_id="hold", responses=_problems(404, 422))
+    async def hold(wanted: HostsIn) -> HostsOut:
+        """Stop hosts where they are; from then on no plan flies without approval."""
+        return HostsOut(hosts=mission.hold(wanted.hosts))
+
+    @router.get("/health", operation_id="getHealth")
+    async def get_health() -> HealthOut:
+        """Whether everything works, what does not, and the counters that show nothing is dropped in silence."""
+        return views.health_out(mission, started_at_s)
+
+    return router
+
+
+def _describe_more(app: FastAPI) -> None:
+    """Add to the OpenAPI document what no route's signature shows: the report's schema and the problem's."""
+    generate = app.openapi
+
+    def openapi() -> dict[str, Any]:
+        if app.openapi_schema is None:
+            document = generate()
+            report = ReportIn.model_json_schema(ref_template=_REF)
+            schemas = document["components"]["schemas"]
+            schemas.update(report.pop("$defs"))
+            schemas["ReportIn"] = report
+            schemas["Problem"] = {
+                "title": "Problem",
+                "description": "RFC 9457 problem details.",
+                "type": "object",
+                "required": ["type", "title", "status", "detail"],
+                "properties": {
+                    "type": {"type": "string"},
+                    "title": {"type": "string"},
+                    "status": {"type": "integer"},
+                    "detail": {"type": "string"},
+                    "errors": {"type": "array", "items": {"$ref": _REF.format(model="FieldFault")}},
+                },
+            }
+        return app.openapi_schema or {}
+
+    app.openapi = openapi  # type: ignore[method-assign]

@@ -1,0 +1,231 @@
+"""What goes over the API: requests are checked here, answers are shaped here. Degrees, UTC and WGS-84 at this edge."""
+
+from datetime import datetime
+from typing import Annotated, Any, Literal
+
+from pydantic import AwareDatetime, BaseModel, BeforeValidator, ConfigDict, Field
+
+from hsop_gcs.mission.state import Autonomy
+from hsop_gcs.reports import AltitudeDatum
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+
+
+def _text_only(value: object) -> object:
+    if not isinstance(value, str | datetime):
+        raise ValueError("must be an RFC 3339 time with a time zone, such as 2026-01-31T12:00:00Z")
+    return value
+
+
+UtcTime = Annotated[AwareDatetime, BeforeValidator(_text_only)]
+
+
+class _Request(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class PositionIn(_Request):
+    lat_deg: Annotated[Number, Field(ge=-90, le=90)]
+    lon_deg: Annotated[Number, Field(ge=-180, le=180)]
+    altitude_m: Annotated[Number, Field(ge=-1000, le=20000)]
+    altitude_datum: Annotated[
+        AltitudeDatum, Field(description="amsl, hae (WGS-84 ellipsoid) or agl (above the origin)")
+    ]
+
+
+class VelocityIn(_Request):
+    east_mps: Annotated[Number, Field(ge=-200, le=200)]
+    north_mps: Annotated[Number, Field(ge=-200, le=200)]
+    up_mps: Annotated[Number, Field(ge=-200, le=200)] = 0.0
+
+
+class ReportIn(_Request):
+    """One sighting of one threat."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "source": "radar-1",
+                    "threat_id": "t1",
+                    "time": "2026-11-22T10:00:00.250Z",
+                    "position": {
+                        "lat_deg": 47.3978,
+                        "lon_deg": 8.5461,
+                        "altitude_m": 530.0,
+                        "altitude_datum": "amsl",
+                    },
+                    "velocity": {"east_mps": 1.5, "north_mps": -0.5, "up_mps": 0.0},
+                    "size_m": 1.0,
+                    "sigma_m": 5.0,
+                }
+            ]
+        }
+    )
+
+    source: Annotated[str, Field(min_length=1, max_length=64)]
+    threat_id: Annotated[str, Field(min_length=1, max_length=64)] | None = None
+    time: UtcTime
+    position: PositionIn
+    velocity: VelocityIn | None = None
+    size_m: Annotated[Number, Field(gt=0, le=50)] | None = None
+    sigma_m: Annotated[Number, Field(ge=0, le=1000, description="standard deviation of each axis")] | None = None
+
+
+class FieldFault(BaseModel):
+    field: str
+    problem: str
+
+
+class ReportResult(BaseModel):
+    index: int
+    status: Literal["accepted", "rejected"]
+    threat: str | None = None
+    errors: list[FieldFault] = []
+
+
+class ReportResults(BaseModel):
+    accepted: int
+    rejected: int
+    results: list[ReportResult]
+
+
+class PositionOut(BaseModel):
+    lat_deg: float
+    lon_deg: float
+    altitude_amsl_m: float
+
+
+class ThreatOut(BaseModel):
+    id: str
+    source: str
+    source_threat_id: str | None
+    time: datetime
+    position: PositionOut
+    position_enu_m: tuple[float, float, float]
+    velocity_enu_mps: tuple[float, float, float]
+    velocity_known: bool
+    size_m: float
+    sigma_m: float | None
+    reports: int
+
+
+class AimOut(BaseModel):
+    pan_deg: float
+    tilt_deg: float
+
+
+class ViewOut(BaseModel):
+    threat: str
+    camera: str
+
+
+class OrderOut(BaseModel):
+    order_id: str
+    plan_id: str
+    status: str
+    note: str
+    position: PositionOut
+    heading_deg: float
+    aim: AimOut | None
+    views: list[ViewOut]
+    hover_error_m: float | None
+    heading_error_deg: float | None
+    gimbal_error_deg: float | None
+
+
+class HostOut(BaseModel):
+    id: str
+    system_id: int
+    available: bool
+    unavailable_reason: str | None
+    link_up: bool
+    heard_s_ago: float | None
+    autopilot: str | None
+    firmware: str | None
+    armed: bool | None
+    in_air: bool | None
+    mode: str | None
+    position: PositionOut | None
+    position_enu_m: tuple[float, float, float] | None
+    heading_deg: float | None
+    gimbal: AimOut | None
+    battery_percent: float | None
+    last_text: str | None
+    order: OrderOut | None
+
+
+class HoverOut(BaseModel):
+    host: str
+    position: PositionOut
+    position_enu_m: tuple[float, float, float]
+    heading_deg: float
+    aim: AimOut | None
+    views: list[ViewOut]
+
+
+class PlanOut(BaseModel):
+    id: str
+    made_at: datetime
+    window_start: datetime
+    expires_at: datetime
+    trigger: str
+    reason: str
+    orders: list[HoverOut]
+    placement: dict[str, Any]
+    """The plan file format."""
+
+
+class PlansOut(BaseModel):
+    autonomy: Autonomy
+    proposed: PlanOut | None
+    flying: PlanOut | None
+    failed: PlanOut | None
+
+
+class ApprovalIn(_Request):
+    model_config = ConfigDict(json_schema_extra={"examples": [{"plan_id": "P3"}]})
+
+    plan_id: str
+
+
+class HostsIn(_Request):
+    model_config = ConfigDict(json_schema_extra={"examples": [{"hosts": ["h1"]}, {}]})
+
+    hosts: list[str] | None = None
+    """None: all of them."""
+
+
+class TakeOffIn(HostsIn):
+    model_config = ConfigDict(json_schema_extra={"examples": [{"altitude_m": 20.0, "hosts": ["h1", "h2"]}]})
+
+    altitude_m: Annotated[Number, Field(ge=2, le=120, description="above each host's home")]
+
+
+class HostsOut(BaseModel):
+    hosts: list[str]
+
+
+class ReportCounts(BaseModel):
+    accepted: int
+    refused_by_field: dict[str, int]
+
+
+class PlanningHealth(BaseModel):
+    plans_made: int
+    last_solve_s: float | None
+    fault: str | None
+
+
+class HealthOut(BaseModel):
+    status: Literal["ok", "degraded"]
+    problems: list[str]
+    time: datetime
+    uptime_s: float
+    autonomy: Autonomy
+    threats: int
+    hosts: int
+    hosts_available: int
+    reports: ReportCounts
+    planning: PlanningHealth
+    link: dict[str, Any]

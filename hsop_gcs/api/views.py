@@ -1,0 +1,169 @@
+"""The mission's values as the API shows them."""
+
+from datetime import UTC, datetime
+
+import numpy as np
+
+from hsop_gcs.api.schemas import (
+    AimOut,
+    HealthOut,
+    HostOut,
+    HoverOut,
+    OrderOut,
+    PlanningHealth,
+    PlanOut,
+    PlansOut,
+    PositionOut,
+    ReportCounts,
+    ThreatOut,
+    ViewOut,
+)
+from hsop_gcs.assignment import HostOrder
+from hsop_gcs.cameras.rig import CameraKind
+from hsop_gcs.fleet import Host
+from hsop_gcs.geometry.frames import Aim, GeodeticPoint
+from hsop_gcs.mission.controller import Mission
+from hsop_gcs.mission.dispatch import OrderProgress
+from hsop_gcs.mission.state import Plan
+from hsop_gcs.placement.scenario import plan_to_json
+from hsop_gcs.tracks import Track
+
+
+def utc(time_s: float) -> datetime:
+    return datetime.fromtimestamp(time_s, UTC)
+
+
+def threat_out(track: Track, mission: Mission) -> ThreatOut:
+    return ThreatOut(
+        id=track.id,
+        source=track.source,
+        source_threat_id=track.source_threat_id,
+        time=utc(track.time_s),
+        position=_position(mission.site.frame.to_geodetic(np.array(track.position_m))),
+        position_enu_m=track.position_m,
+        velocity_enu_mps=track.velocity_mps,
+        velocity_known=track.velocity_known,
+        size_m=track.size_m,
+        sigma_m=track.sigma_m,
+        reports=track.reports,
+    )
+
+
+def host_out(host: Host, mission: Mission) -> HostOut:
+    state = mission.vehicle_state(host)
+    reason = mission.unavailable().get(host.id)
+    local = None if state.position is None else mission.site.frame.to_enu(state.position).tolist()
+    progress = mission.progress.get(host.id)
+    return HostOut(
+        id=host.id,
+        system_id=host.system_id,
+        available=reason is None,
+        unavailable_reason=reason,
+        link_up=state.link_up,
+        heard_s_ago=None if state.last_heard_s is None else mission.link.now() - state.last_heard_s,
+        autopilot=state.autopilot,
+        firmware=state.firmware,
+        armed=state.armed,
+        in_air=state.in_air,
+        mode=state.mode,
+        position=None if state.position is None else _position(state.position),
+        position_enu_m=local,
+        heading_deg=state.heading_deg,
+        gimbal=_aim(state.gimbal),
+        battery_percent=state.battery_percent,
+        last_text=state.texts[-1].text if state.texts else None,
+        order=None if progress is None else _order(host, progress, mission),
+    )
+
+
+def plans_out(mission: Mission) -> PlansOut:
+    state = mission.state
+    return PlansOut(
+        autonomy=mission.autonomy,
+        proposed=_plan(state.proposed, mission),
+        flying=_plan(state.flying, mission),
+        failed=_plan(state.failed, mission),
+    )
+
+
+def health_out(mission: Mission, started_at_s: float) -> HealthOut:
+    unavailable = mission.unavailable()
+    problems = [f"host {host_id}: {reason}" for host_id, reason in unavailable.items()]
+    if mission.solver_fault is not None:
+        problems.append(f"planning: {mission.solver_fault}")
+    if mission.state.failed is not None:
+        problems.append(f"no plan: {mission.state.failed.decision.reason}")
+    newest = mission.state.newest
+    return HealthOut(
+        status="degraded" if problems else "ok",
+        problems=problems,
+        time=utc(mission.clock()),
+        uptime_s=mission.clock() - started_at_s,
+        autonomy=mission.autonomy,
+        threats=len(mission.picture.tracks),
+        hosts=len(mission.fleet.hosts),
+        hosts_available=len(mission.fleet.hosts) - len(unavailable),
+        reports=ReportCounts(accepted=mission.reports_accepted, refused_by_field=dict(mission.reports_refused)),
+        planning=PlanningHealth(
+            plans_made=mission.state.made,
+            last_solve_s=None if newest is None else newest.decision.placement.solve_time_s,
+            fault=mission.solver_fault,
+        ),
+        link=mission.link.health(),
+    )
+
+
+def _plan(plan: Plan | None, mission: Mission) -> PlanOut | None:
+    if plan is None:
+        return None
+    decision = plan.decision
+    return PlanOut(
+        id=plan.id,
+        made_at=utc(plan.made_at_s),
+        window_start=utc(decision.window_start_s),
+        expires_at=utc(plan.expires_at_s),
+        trigger=plan.trigger,
+        reason=decision.reason,
+        orders=[_hover(order, mission) for order in decision.orders],
+        placement=plan_to_json(decision.placement),
+    )
+
+
+def _hover(order: HostOrder, mission: Mission) -> HoverOut:
+    return HoverOut(
+        host=order.host,
+        position=_position(mission.site.frame.to_geodetic(np.array(order.position_m))),
+        position_enu_m=order.position_m,
+        heading_deg=order.heading_deg,
+        aim=_aim(order.aim),
+        views=_views(order.views),
+    )
+
+
+def _order(host: Host, progress: OrderProgress, mission: Mission) -> OrderOut:
+    errors = mission.link.order_errors(host.system_id)
+    return OrderOut(
+        order_id=progress.order_id,
+        plan_id=progress.plan_id,
+        status=progress.status,
+        note=progress.note,
+        position=_position(mission.site.frame.to_geodetic(np.array(progress.order.position_m))),
+        heading_deg=progress.order.heading_deg,
+        aim=_aim(progress.order.aim),
+        views=_views(progress.order.views),
+        hover_error_m=errors.hover_m,
+        heading_error_deg=errors.heading_deg,
+        gimbal_error_deg=errors.gimbal_deg,
+    )
+
+
+def _position(point: GeodeticPoint) -> PositionOut:
+    return PositionOut(lat_deg=point.lat_deg, lon_deg=point.lon_deg, altitude_amsl_m=point.altitude_amsl_m)
+
+
+def _aim(aim: Aim | None) -> AimOut | None:
+    return None if aim is None else AimOut(pan_deg=aim.pan_deg, tilt_deg=aim.tilt_deg)
+
+
+def _views(views: tuple[tuple[str, CameraKind], ...]) -> list[ViewOut]:
+    return [ViewOut(threat=threat, camera=camera) for threat, camera in views]

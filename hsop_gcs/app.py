@@ -1,0 +1,83 @@
+"""The composition root: settings become objects, which start and stop in order."""
+
+import asyncio
+import signal
+import socket
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import AsyncExitStack, asynccontextmanager, contextmanager
+
+import uvicorn
+
+from hsop_gcs.api import create_api
+from hsop_gcs.errors import Unavailable
+from hsop_gcs.link.pump import Link
+from hsop_gcs.mission.controller import Mission
+from hsop_gcs.mission.solver import Solver
+from hsop_gcs.settings import Settings
+
+
+@asynccontextmanager
+async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
+    """Open the link and the solver and keep the mission moving; everything is closed on the way out."""
+    fleet = settings.to_fleet()
+    async with AsyncExitStack() as stack:
+        solver = await stack.enter_async_context(Solver())
+        link = await stack.enter_async_context(Link({host.system_id: host.connection for host in fleet.hosts}))
+        mission = Mission(
+            fleet=fleet,
+            site=settings.to_site(),
+            link=link,
+            solver=solver,
+            clock=time.time,
+            autonomy=settings.service.autonomy,
+            planning=settings.to_planning_rules(),
+            replanning=settings.to_replan_rules(),
+        )
+        runner = asyncio.create_task(mission.run())
+        try:
+            yield mission
+        finally:
+            runner.cancel()
+            await asyncio.gather(runner, return_exceptions=True)
+
+
+class _Server(uvicorn.Server):
+    """uvicorn without its signal handling, which ends the process before anything else could be closed."""
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        yield
+
+
+@asynccontextmanager
+async def running_service(settings: Settings) -> AsyncIterator[str]:
+    """Run mission and API; yields the API's base address. Raises Unavailable if its port cannot be had."""
+    with _listen(settings.service.host, settings.service.port) as listening:
+        async with running_mission(settings) as mission:
+            api = create_api(mission, max_body_bytes=settings.service.max_body_bytes)
+            server = _Server(uvicorn.Config(api, log_level="warning", lifespan="off", timeout_graceful_shutdown=2))
+            serving = asyncio.create_task(server.serve(sockets=[listening]))
+            try:
+                host, port = listening.getsockname()[:2]
+                yield f"http://{host}:{port}"
+            finally:
+                server.should_exit = True
+                await serving
+
+
+async def serve(settings: Settings, on_ready: Callable[[str], None]) -> None:
+    """Serve until SIGINT or SIGTERM; ``on_ready`` is given the base address."""
+    stop = asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        asyncio.get_running_loop().add_signal_handler(number, stop.set)
+    async with running_service(settings) as address:
+        on_ready(address)
+        await stop.wait()
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    try:
+        return socket.create_server((host, port))
+    except OSError as error:
+        raise Unavailable(f"cannot listen on {host}:{port}: {error.strerror}") from None

@@ -1,0 +1,113 @@
+"""Orders on their way to hosts: who can be sent, what is put on the link, and what became of it."""
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from hsop_gcs.assignment import HostOrder, Mover
+from hsop_gcs.fleet import FlightLimits
+from hsop_gcs.geometry.frames import LocalFrame
+from hsop_gcs.link.events import (
+    AimClipped,
+    Arrived,
+    Drifted,
+    Event,
+    GimbalFailed,
+    GimbalOffTarget,
+    GimbalOnTarget,
+    OnStation,
+    OrderAccepted,
+    OrderFailed,
+    OrderSuperseded,
+    TookOff,
+)
+from hsop_gcs.link.protocol.telemetry import VehicleState
+from hsop_gcs.link.vehicle import HoverOrder
+
+
+class OrderStatus(StrEnum):
+    SENT = "sent"
+    ACCEPTED = "accepted"
+    """The autopilot said yes; it is on its way."""
+    ARRIVED = "arrived"
+    ON_STATION = "on station"
+    """At the hover point, and the gimbal looks where it should."""
+    FAILED = "failed"
+    SUPERSEDED = "superseded"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OrderProgress:
+    """What became of one order so far. ``note`` is for a person."""
+
+    order_id: str
+    plan_id: str
+    order: HostOrder
+    status: OrderStatus = OrderStatus.SENT
+    note: str = ""
+
+
+def why_unavailable(state: VehicleState) -> str | None:
+    """Return why a host cannot be sent to a hover point now, or None if it can."""
+    if state.last_heard_s is None:
+        return "not heard yet"
+    if not state.link_up:
+        return "link lost"
+    if state.position is None:
+        return "position unknown"
+    if state.home is None:
+        return "home unknown"
+    if not state.armed:
+        return "not armed"
+    if not state.in_air:
+        return "on the ground"
+    return None
+
+
+def mover_of(host_id: str, state: VehicleState, frame: LocalFrame, limits: FlightLimits) -> Mover:
+    """Return the host as assignment sees it. The state must have a position."""
+    assert state.position is not None
+    east, north, up = (float(value) for value in frame.to_enu(state.position))
+    return Mover(id=host_id, position_m=(east, north, up), speed_mps=limits.speed_mps)
+
+
+def hover_order(
+    order: HostOrder, order_id: str, frame: LocalFrame, *, deadline_s: float, speed_mps: float
+) -> HoverOrder:
+    """Return what goes on the link: the hover point on WGS-84, AMSL; ``deadline_s`` is on the link's clock."""
+    return HoverOrder(
+        order_id=order_id,
+        point=frame.to_geodetic(np.array(order.position_m)),
+        heading_deg=order.heading_deg,
+        aim=order.aim,
+        deadline_s=deadline_s,
+        speed_mps=speed_mps,
+    )
+
+
+def progressed(progress: OrderProgress, event: Event) -> OrderProgress:
+    """Return the order's progress after an event of its own."""
+    match event:
+        case OrderAccepted():
+            return replace(progress, status=OrderStatus.ACCEPTED, note="")
+        case Arrived():
+            return replace(progress, status=OrderStatus.ARRIVED, note="")
+        case OnStation():
+            return replace(progress, status=OrderStatus.ON_STATION, note="")
+        case Drifted(problem=problem):
+            return replace(progress, status=OrderStatus.ACCEPTED, note=problem)
+        case GimbalOffTarget():
+            return replace(progress, status=OrderStatus.ARRIVED, note="gimbal off target")
+        case GimbalFailed(reason=reason) | OrderFailed(reason=reason):
+            return replace(progress, status=OrderStatus.FAILED, note=reason)
+        case AimClipped(wanted=wanted, given=given):
+            return replace(
+                progress,
+                note=f"gimbal limits: looks at {given.pan_deg:.0f}°/{given.tilt_deg:.0f}°"
+                f" instead of {wanted.pan_deg:.0f}°/{wanted.tilt_deg:.0f}°",
+            )
+        case OrderSuperseded():
+            return replace(progress, status=OrderStatus.SUPERSEDED)
+        case TookOff() | GimbalOnTarget() | _:
+            return progress
