@@ -1,0 +1,14 @@
+"""Compilation of the numerical kernels, cached on disk so that only the first run on a machine pays for it."""
+
+from collections.abc import Callable
+from typing import TypeVar, cast
+
+import numba
+
+Kernel = TypeVar("Kernel", bound=Callable[..., object])
+
+
+def kernel(function: Kernel) -> Kernel:
+    """Compile ``function`` on first call: no bounds checks, no interpreter lock, division by zero gives infinity."""
+    return cast(Kernel, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+

@@ -1,0 +1,198 @@
+"""What a placement costs and by how much it breaks the rules, compiled (letter, Eqs. 3, 4, 8-11).
+
+A host is its position (east, north, up) and the compass heading of its fisheye axis. A view's *factor* is the share of a
+pair's cost that one camera contributes at one point: distance over pixel width (letter), or the standard deviation of its
+ray at the threat in metres (rms). Headings and bearings are compass angles, radians. A *violation* is relative: 0.01 is one
+hundredth too far, too near, or one hundredth of a radian outside.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from hsop_gcs.placement.search.compiled import kernel
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+
+PERIPHERAL = 0
+CENTRAL = 1
+SMALLEST_SINE = 0.02
+SMALLEST_RELATIVE_SIZE = 0.03
+
+
+class Question(NamedTuple):
+    """A placement problem as plain arrays, in the frame of the search."""
+
+    points_m: Floats
+    """(threats, 2, 3): where every threat is now and after the horizon."""
+    weight: Floats
+    range_m: Floats
+    """(2, threats): how far the peripheral (on its boresight) and the central camera detect each threat."""
+    factor: Floats
+    """(2, threats): a view's factor per metre^power of distance, on the boresight."""
+    distortion: Floats
+    """k1..k4 of the fisheyes (Eq. 1)."""
+    fov_rad: float
+    safety_m: float
+    separation_m: float
+    """0: hosts may stand anywhere relative to each other."""
+    whole_path: bool
+    """The safety distance holds to every threat's path for every host, not only to the end points of assigned threats."""
+    rms: bool
+    floor_m: float
+    ceiling_m: float
+    """Equal to the floor: plane geometry."""
+
+
+@kernel
+def relative_size(cosine: float, distortion: Floats) -> float:
+    """Return θ_d / tan θ for the angle θ = arccos(cosine) from the nearer boresight, cosine >= 0 (Eq. 2)."""
+    theta = math.acos(min(1.0, cosine))
+    square = theta * theta
+    k = distortion
+    lens = 1 + square * (k[0] + square * (k[1] + square * (k[2] + square * k[3])))
+    if theta < 1e-4:
+        return lens * (1 - square / 3)
+    return theta * lens * cosine / math.sqrt(1 - cosine * cosine)
+
+
+@kernel
+def pair_cost(q: Question, first: float, second: float, sine: float) -> float:
+    """Return the cost of one point seen with two factors at an intersection angle of the given sine (Eq. 8, or its RMS)."""
+    if q.rms:
+        a, b = first * first, second * second
+        return math.sqrt((a + b) / (sine * sine) + a * b / (a + b))
+    return first * second / sine
+
+
+@kernel
+def edge_energy(
+    q: Question,
+    positions: Floats,
+    axes: Floats,
+    threat: int,
+    i: int,
+    j: int,
+    camera_i: int,
+    camera_j: int,
+) -> tuple[float, float]:
+    """Return cost and violation of a threat seen by hosts i and j; finite everywhere, exact where the violation is 0."""
+    cost = 0.0
+    violation = 0.0
+    for k in range(2):
+        px, py, pz = q.points_m[threat, k, 0], q.points_m[threat, k, 1], q.points_m[threat, k, 2]
+        ex, ey, ez = px - positions[i, 0], py - positions[i, 1], pz - positions[i, 2]
+        gx, gy, gz = px - positions[j, 0], py - positions[j, 1], pz - positions[j, 2]
+        di = math.sqrt(ex * ex + ey * ey + ez * ez) + 1e-12
+        dj = math.sqrt(gx * gx + gy * gy + gz * gz) + 1e-12
+        cosine = (ex * gx + ey * gy + ez * gz) / (di * dj)
+        sine = math.sqrt(max(1 - cosine * cosine, SMALLEST_SINE * SMALLEST_SINE))
+        if cosine * cosine > 1 - SMALLEST_SINE * SMALLEST_SINE:
+            violation += 1e-3
+        fi = q.factor[camera_i, threat] * (di if q.rms else di * di)
+        fj = q.factor[camera_j, threat] * (dj if q.rms else dj * dj)
+        if camera_i == PERIPHERAL:
+            size = relative_size(abs(ex * axes[i, 0] + ey * axes[i, 1]) / di, q.distortion)
+            violation += max(0.0, di / q.range_m[0, threat] - size)
+            fi /= max(size, SMALLEST_RELATIVE_SIZE)
+        else:
+            violation += max(0.0, di / q.range_m[1, threat] - 1)
+        if camera_j == PERIPHERAL:
+            size = relative_size(abs(gx * axes[j, 0] + gy * axes[j, 1]) / dj, q.distortion)
+            violation += max(0.0, dj / q.range_m[0, threat] - size)
+            fj /= max(size, SMALLEST_RELATIVE_SIZE)
+        else:
+            violation += max(0.0, dj / q.range_m[1, threat] - 1)
+        if not q.whole_path:
+            violation += max(0.0, 1 - di / q.safety_m) + max(0.0, 1 - dj / q.safety_m)
+        cost += pair_cost(q, fi, fj, sine)
+    return q.weight[threat] * cost, violation
+
+
+@kernel
+def path_offset(q: Question, threat: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Return the vector from the nearest point of a threat's predicted path to (x, y, z)."""
+    ax, ay, az = q.points_m[threat, 0, 0], q.points_m[threat, 0, 1], q.points_m[threat, 0, 2]
+    bx, by, bz = q.points_m[threat, 1, 0] - ax, q.points_m[threat, 1, 1] - ay, q.points_m[threat, 1, 2] - az
+    length = bx * bx + by * by + bz * bz
+    s = 0.0
+    if length > 0:
+        s = max(0.0, min(1.0, ((x - ax) * bx + (y - ay) * by + (z - az) * bz) / length))
+    return x - ax - s * bx, y - ay - s * by, z - az - s * bz
+
+
+@kernel
+def wrapped(angle: float) -> float:
+    """Return the angle in (-π, π]."""
+    if angle > math.pi:
+        return angle - 2 * math.pi
+    if angle <= -math.pi:
+        return angle + 2 * math.pi
+    return angle
+
+
+@kernel
+def view_window(
+    q: Question, positions: Floats, host: int, incident: Ints, degree: int, cameras: Ints
+) -> tuple[float, float, float, float, int]:
+    """Return the lowest and highest bearing and elevation of what a host sees centrally, and how many threats that is.
+
+    ``incident`` lists the host's views as 2 * threat + end. Bearings are unwrapped around the first.
+    """
+    reference = 0.0
+    low = high = 0.0
+    down, up = 10.0, -10.0
+    count = 0
+    for n in range(degree):
+        view = incident[n]
+        if cameras[view // 2, view % 2] != CENTRAL:
+            continue
+        for k in range(2):
+            ex = q.points_m[view // 2, k, 0] - positions[host, 0]
+            ey = q.points_m[view // 2, k, 1] - positions[host, 1]
+            ez = q.points_m[view // 2, k, 2] - positions[host, 2]
+            bearing = math.atan2(ex, ey)
+            if count == 0 and k == 0:
+                reference = bearing
+            off = wrapped(bearing - reference)
+            low = min(low, off)
+            high = max(high, off)
+            if q.ceiling_m > q.floor_m:
+                elevation = math.atan2(ez, math.sqrt(ex * ex + ey * ey))
+                down = min(down, elevation)
+                up = max(up, elevation)
+        count += 1
+    if up < down:
+        down = up = 0.0
+    return reference + low, reference + high, down, up, count
+
+
+@kernel
+def host_violation(q: Question, positions: Floats, host: int, incident: Ints, degree: int, cameras: Ints) -> float:
+    """Return how far one host's central window exceeds the field of view, and how far it stands inside safety zones."""
+    violation = 0.0
+    low, high, down, up, count = view_window(q, positions, host, incident, degree, cameras)
+    if count > 0:
+        violation += max(0.0, high - low - q.fov_rad) + max(0.0, up - down - q.fov_rad)
+    if q.whole_path:
+        for threat in range(q.points_m.shape[0]):
+            x, y, z = path_offset(q, threat, positions[host, 0], positions[host, 1], positions[host, 2])
+            violation += max(0.0, 1 - math.sqrt(x * x + y * y + z * z) / q.safety_m)
+    return violation
+
+
+@kernel
+def crowding(q: Question, positions: Floats, host: int) -> float:
+    """Return how far a host intrudes into the separation from all others."""
+    violation = 0.0
+    if q.separation_m > 0:
+        for other in range(positions.shape[0]):
+            if other != host:
+                x = positions[host, 0] - positions[other, 0]
+                y = positions[host, 1] - positions[other, 1]
+                z = positions[host, 2] - positions[other, 2]
+                violation += max(0.0, 1 - math.sqrt(x * x + y * y + z * z) / q.separation_m)
+    return violation

@@ -1,0 +1,435 @@
+"""Exact local solve: a primal-dual interior-point method on the active pair set, in compiled code.
+
+Starting from a placement that keeps every rule, it minimizes cost - μ Σ log(margin) while μ falls, and never leaves the
+inside of the rules; so any intermediate point is a valid placement. Gradients are analytic, second derivatives are
+differences of gradients, element by element (a threat at a point, or one rule).
+Source: Nocedal and Wright, Numerical Optimization, ch. 19.
+"""
+
+import math
+
+import numpy as np
+
+from hsop_gcs.placement.search.anneal import State, refresh, totals
+from hsop_gcs.placement.search.compiled import kernel
+from hsop_gcs.placement.search.model import CENTRAL, PERIPHERAL, Floats, Ints, Question, path_offset, wrapped
+
+COST, PIXELS, END_POINT, PATH, PAN, TILT, SEPARATION, FLOOR, CEILING = range(9)
+NEAR_M = 40.0
+"""Rules that are farther than this from being broken are left out of a local solve."""
+DIFFERENCE = 1e-6
+
+
+@kernel
+def relative_size_slope(cosine: float, k: Floats) -> tuple[float, float]:
+    """Return θ_d / tan θ and its derivative with respect to the cosine."""
+    theta = math.acos(min(1.0, cosine))
+    square = theta * theta
+    lens = 1 + square * (k[0] + square * (k[1] + square * (k[2] + square * k[3])))
+    if theta < 1e-3:
+        return lens * (1 - square / 3), 2.0 / 3.0 - 2 * k[0]
+    stretch = 1 + square * (3 * k[0] + square * (5 * k[1] + square * (7 * k[2] + square * 9 * k[3])))
+    sine = math.sqrt(1 - cosine * cosine)
+    slope = stretch * cosine / sine - theta * lens / (sine * sine)
+    return theta * lens * cosine / sine, -slope / sine
+
+
+@kernel
+def view_terms(
+    q: Question, threat: int, k: int, poses: Floats, host: int, camera: int, direction: Floats, factor: Floats, margin: Floats
+) -> None:
+    """Fill the ray (unit vector, then distance), the factor and the pixel margin, each with its gradient by the pose."""
+    ex = q.points_m[threat, k, 0] - poses[host, 0]
+    ey = q.points_m[threat, k, 1] - poses[host, 1]
+    ez = q.points_m[threat, k, 2] - poses[host, 2]
+    d = math.sqrt(ex * ex + ey * ey + ez * ez)
+    ux, uy, uz = ex / d, ey / d, ez / d
+    direction[0], direction[1], direction[2], direction[3] = ux, uy, uz, d
+    base = q.factor[camera, threat] * (d if q.rms else d * d)
+    power = 1.0 if q.rms else 2.0
+    reach = q.range_m[camera, threat]
+    if camera == CENTRAL:
+        factor[0] = base
+        factor[1], factor[2], factor[3], factor[4] = -power * base / d * ux, -power * base / d * uy, -power * base / d * uz, 0.0
+        margin[0] = 1 - d / reach
+        margin[1], margin[2], margin[3], margin[4] = ux / reach, uy / reach, uz / reach, 0.0
+        return
+    ax, ay = math.sin(poses[host, 3]), math.cos(poses[host, 3])
+    inner = ux * ax + uy * ay
+    sign = 1.0 if inner >= 0 else -1.0
+    size, slope = relative_size_slope(min(1.0, abs(inner)), q.distortion)
+    # d|u·a| / dx = -(a - (u·a) u) / d, and by the heading u·a'
+    sx, sy, sz = -sign * (ax - inner * ux) / d, -sign * (ay - inner * uy) / d, sign * inner * uz / d
+    sh = sign * (ux * ay - uy * ax)
+    f = base / size
+    factor[0] = f
+    factor[1] = -power * f / d * ux - f / size * slope * sx
+    factor[2] = -power * f / d * uy - f / size * slope * sy
+    factor[3] = -power * f / d * uz - f / size * slope * sz
+    factor[4] = -f / size * slope * sh
+    margin[0] = size - d / reach
+    margin[1] = slope * sx + ux / reach
+    margin[2] = slope * sy + uy / reach
+    margin[3] = slope * sz + uz / reach
+    margin[4] = slope * sh
+
+
+@kernel
+def pair_cost_slopes(q: Question, a: float, b: float, sine: float) -> tuple[float, float, float, float]:
+    """Return the cost of a point and its derivatives by both factors and the sine."""
+    if not q.rms:
+        return a * b / sine, b / sine, a / sine, -a * b / (sine * sine)
+    aa, bb, ss = a * a, b * b, sine * sine
+    total = aa + bb
+    value = math.sqrt(total / ss + aa * bb / total)
+    by_a = (a / ss + a * bb * bb / (total * total)) / value
+    by_b = (b / ss + b * aa * aa / (total * total)) / value
+    return value, by_a, by_b, -total / (ss * sine) / value
+
+
+@kernel
+def element(q: Question, e: Ints, poses: Floats, g: Floats, work: Floats) -> float:
+    """Return one element's value (a cost, or a margin that must stay positive); g is its gradient by one or two poses.
+
+    e: kind, first host, second host or -1, then what the kind needs. g: (8,). work: (6, 5) scratch.
+    """
+    kind, i, j = e[0], e[1], e[2]
+    g[:] = 0.0
+    if kind == COST:
+        threat, k = e[3], e[4]
+        view_terms(q, threat, k, poses, i, e[5], work[0], work[1], work[2])
+        view_terms(q, threat, k, poses, j, e[6], work[3], work[4], work[5])
+        u, v = work[0], work[3]
+        m = u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+        sine = math.sqrt(max(1 - m * m, 1e-12))
+        value, by_a, by_b, by_sine = pair_cost_slopes(q, work[1, 0], work[4, 0], sine)
+        by_m = -by_sine * m / sine
+        for n in range(3):
+            g[n] = by_a * work[1, n + 1] - by_m * (v[n] - m * u[n]) / u[3]
+            g[4 + n] = by_b * work[4, n + 1] - by_m * (u[n] - m * v[n]) / v[3]
+        g[3] = by_a * work[1, 4]
+        g[7] = by_b * work[4, 4]
+        w = q.weight[threat]
+        g *= w
+        return w * value
+    if kind == PIXELS:
+        view_terms(q, e[3], e[4], poses, i, e[5], work[0], work[1], work[2])
+        for n in range(4):
+            g[n] = work[2, n + 1]
+        return work[2, 0]
+    if kind == END_POINT or kind == PATH or kind == SEPARATION:
+        radius = q.safety_m
+        if kind == PATH:
+            x, y, z = path_offset(q, e[3], poses[i, 0], poses[i, 1], poses[i, 2])
+        elif kind == END_POINT:
+            x = poses[i, 0] - q.points_m[e[3], e[4], 0]
+            y = poses[i, 1] - q.points_m[e[3], e[4], 1]
+            z = poses[i, 2] - q.points_m[e[3], e[4], 2]
+        else:
+            radius = q.separation_m
+            x, y, z = poses[i, 0] - poses[j, 0], poses[i, 1] - poses[j, 1], poses[i, 2] - poses[j, 2]
+        scale = 1 / (radius * radius)
+        g[0], g[1], g[2] = x * scale, y * scale, z * scale
+        if kind == SEPARATION:
+            g[4], g[5], g[6] = -x * scale, -y * scale, -z * scale
+        return 0.5 * ((x * x + y * y + z * z) * scale - 1)
+    if kind == FLOOR:
+        g[2] = 0.1
+        return 0.1 * (poses[i, 2] - q.floor_m)
+    if kind == CEILING:
+        g[2] = -0.1
+        return 0.1 * (q.ceiling_m - poses[i, 2])
+    # PAN and TILT: the field of view less the angle between two points.
+    ex, ey, ez = (
+        q.points_m[e[3], e[4], 0] - poses[i, 0],
+        q.points_m[e[3], e[4], 1] - poses[i, 1],
+        q.points_m[e[3], e[4], 2] - poses[i, 2],
+    )
+    fx, fy, fz = (
+        q.points_m[e[5], e[6], 0] - poses[i, 0],
+        q.points_m[e[5], e[6], 1] - poses[i, 1],
+        q.points_m[e[5], e[6], 2] - poses[i, 2],
+    )
+    er, fr = ex * ex + ey * ey, fx * fx + fy * fy
+    if kind == PAN:
+        angle = wrapped(math.atan2(ex, ey) - math.atan2(fx, fy))
+        sign = 1.0 if angle >= 0 else -1.0
+        g[0] = sign * (ey / er - fy / fr)
+        g[1] = -sign * (ex / er - fx / fr)
+    else:
+        eh, fh = math.sqrt(er), math.sqrt(fr)
+        angle = math.atan2(ez, eh) - math.atan2(fz, fh)
+        sign = 1.0 if angle >= 0 else -1.0
+        ed, fd = er + ez * ez, fr + fz * fz
+        g[0] = -sign * (ez * ex / (eh * ed) - fz * fx / (fh * fd))
+        g[1] = -sign * (ez * ey / (eh * ed) - fz * fy / (fh * fd))
+        g[2] = sign * (eh / ed - fh / fd)
+    return q.fov_rad - abs(angle)
+
+
+@kernel
+def list_elements(q: Question, s: State, moving: Ints) -> Ints:
+    """Return the costs and rules that the poses of moving hosts (marked 1) decide, costs first."""
+    threats, hosts = s.pairs.shape[0], s.degree.shape[0]
+    most = threats * (2 + 8) + hosts * (threats + hosts + 2) + hosts * 4 * threats * threats
+    rows = np.zeros((most, 7), np.int64)
+    m = 0
+    for threat in range(threats):
+        i, j = s.pairs[threat, 0], s.pairs[threat, 1]
+        if moving[i] + moving[j] > 0:
+            for k in range(2):
+                rows[m, 0], rows[m, 1], rows[m, 2], rows[m, 3], rows[m, 4] = COST, i, j, threat, k
+                rows[m, 5], rows[m, 6] = s.cameras[threat, 0], s.cameras[threat, 1]
+                m += 1
+    for host in range(hosts):
+        if moving[host] == 0:
+            continue
+        for n in range(s.degree[host]):
+            threat, end = s.incident[host, n] // 2, s.incident[host, n] % 2
+            for k in range(2):
+                rows[m, 0], rows[m, 1], rows[m, 2], rows[m, 3], rows[m, 4] = PIXELS, host, -1, threat, k
+                rows[m, 5] = s.cameras[threat, end]
+                m += 1
+                if not q.whole_path:
+                    rows[m, 0], rows[m, 1], rows[m, 2], rows[m, 3], rows[m, 4] = END_POINT, host, -1, threat, k
+                    m += 1
+            if s.cameras[threat, end] == CENTRAL:
+                for n2 in range(n + 1):
+                    second = s.incident[host, n2] // 2
+                    if s.cameras[second, s.incident[host, n2] % 2] != CENTRAL:
+                        continue
+                    for k in range(2):
+                        for k2 in range(2):
+                            if n2 == n and k2 >= k:
+                                continue
+                            for kind in range(PAN, TILT + 1):
+                                if kind == TILT and q.ceiling_m <= q.floor_m:
+                                    continue
+                                rows[m, 0], rows[m, 1], rows[m, 2], rows[m, 3] = kind, host, -1, threat
+                                rows[m, 4], rows[m, 5], rows[m, 6] = k, second, k2
+                                m += 1
+        x, y, z = s.positions[host, 0], s.positions[host, 1], s.positions[host, 2]
+        if q.whole_path:
+            for threat in range(threats):
+                a, b, c = path_offset(q, threat, x, y, z)
+                if math.sqrt(a * a + b * b + c * c) < q.safety_m + NEAR_M:
+                    rows[m, 0], rows[m, 1], rows[m, 2], rows[m, 3] = PATH, host, -1, threat
+                    m += 1
+        if q.separation_m > 0:
+            for other in range(hosts):
+                if other == host or (other < host and moving[other] > 0):
+                    continue
+                a, b, c = x - s.positions[other, 0], y - s.positions[other, 1], z - s.positions[other, 2]
+                if math.sqrt(a * a + b * b + c * c) < q.separation_m + NEAR_M:
+                    rows[m, 0], rows[m, 1], rows[m, 2] = SEPARATION, host, other
+                    m += 1
+        if q.ceiling_m > q.floor_m:
+            rows[m, 0], rows[m, 1], rows[m, 2] = FLOOR, host, -1
+            rows[m + 1, 0], rows[m + 1, 1], rows[m + 1, 2] = CEILING, host, -1
+            m += 2
+    return rows[:m].copy()
+
+
+@kernel
+def solve_positive(a: Floats, b: Floats, shift: float) -> bool:
+    """Solve (a + shift I) x = b by Cholesky, in place of b; the upper triangle of a is destroyed. False: not positive."""
+    n = b.size
+    lower = np.empty((n, n))
+    for i in range(n):
+        for j in range(i + 1):
+            total = a[i, j] + (shift if i == j else 0.0)
+            for k in range(j):
+                total -= lower[i, k] * lower[j, k]
+            if i == j:
+                if total <= 1e-13 * (1 + abs(a[i, i])):
+                    return False
+                lower[i, i] = math.sqrt(total)
+            else:
+                lower[i, j] = total / lower[j, j]
+    for i in range(n):
+        for k in range(i):
+            b[i] -= lower[i, k] * b[k]
+        b[i] /= lower[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            b[i] -= lower[k, i] * b[k]
+        b[i] /= lower[i, i]
+    return True
+
+
+@kernel
+def barrier_value(q: Question, rows: Ints, poses: Floats, mu: float, margins: Floats, g: Floats, work: Floats) -> float:
+    """Return cost - μ Σ log(margin), infinite outside the rules; fills the margins."""
+    value = 0.0
+    for m in range(rows.shape[0]):
+        margins[m] = element(q, rows[m], poses, g, work)
+        if rows[m, 0] == COST:
+            value += margins[m]
+        elif margins[m] <= 0:
+            return math.inf
+        else:
+            value -= mu * math.log(margins[m])
+    return value
+
+
+@kernel
+def polish(q: Question, s: State, moving: Ints, steps: int) -> bool:
+    """Improve the poses of the hosts marked 1 in ``moving`` to a local optimum; False if nothing was gained.
+
+    ``s`` must keep every rule; afterwards it still does, and its energies are fresh.
+    """
+    hosts = s.degree.shape[0]
+    start_cost, start_violation = totals(q, s)
+    if start_violation > 0:
+        return False
+    rows = list_elements(q, s, moving)
+    column = np.full((hosts, 4), -1, np.int64)
+    n = 0
+    for host in range(hosts):
+        if moving[host] == 0:
+            continue
+        turns = False
+        for v in range(s.degree[host]):
+            turns |= s.cameras[s.incident[host, v] // 2, s.incident[host, v] % 2] == PERIPHERAL
+        for axis in range(4):
+            if (axis == 2 and q.ceiling_m <= q.floor_m) or (axis == 3 and not turns):
+                continue
+            column[host, axis] = n
+            n += 1
+    poses = np.empty((hosts, 4))
+    poses[:, :3] = s.positions
+    for host in range(hosts):
+        poses[host, 3] = math.atan2(s.axes[host, 0], s.axes[host, 1])
+    # Lengths in units of ten metres, so that positions and angles weigh alike.
+    unit = np.array([10.0, 10.0, 10.0, 1.0])
+    count = rows.shape[0]
+    margins, trial_margins, z = np.empty(count), np.empty(count), np.zeros(count)
+    g, g2, work = np.empty(8), np.empty(8), np.empty((6, 5))
+    if barrier_value(q, rows, poses, 0.0, margins, g, work) == math.inf:
+        return False
+    scale = start_cost
+    mu = 1e-3 * scale / max(1, count)
+    last_mu = 1e-10 * scale
+    for m in range(count):
+        if rows[m, 0] != COST:
+            z[m] = min(mu / margins[m], 10 * scale)
+    shift = 0.0
+    gradients = np.empty((count, 8))
+    columns = np.empty((count, 8), np.int64)
+    for m in range(count):
+        for v in range(8):
+            host = rows[m, 1] if v < 4 else rows[m, 2]
+            columns[m, v] = column[host, v % 4] if host >= 0 else -1
+    stalled = 0
+    for _ in range(steps):
+        hessian = np.zeros((n, n))
+        residual = np.zeros(n)
+        stationarity = np.zeros(n)
+        complementarity = 0.0
+        value = 0.0
+        for m in range(count):
+            margins[m] = element(q, rows[m], poses, g, work)
+            is_cost = rows[m, 0] == COST
+            value += margins[m] if is_cost else -mu * math.log(margins[m])
+            for v in range(8):
+                gradients[m, v] = g[v] * unit[v % 4]
+            force = 1.0 if is_cost else -mu / margins[m]
+            dual = 1.0 if is_cost else -z[m]
+            if not is_cost:
+                complementarity = max(complementarity, abs(z[m] * margins[m] - mu))
+            stiff = 0.0 if is_cost else z[m] / margins[m]
+            for v in range(8):
+                a = columns[m, v]
+                if a < 0:
+                    continue
+                residual[a] -= force * gradients[m, v]
+                stationarity[a] += dual * gradients[m, v]
+                if stiff > 0:
+                    for w in range(8):
+                        b = columns[m, w]
+                        if b >= 0:
+                            hessian[a, b] += stiff * gradients[m, v] * gradients[m, w]
+            if is_cost or z[m] > 1e-9 * scale:
+                for v in range(8):
+                    a = columns[m, v]
+                    if a < 0:
+                        continue
+                    host = rows[m, 1] if v < 4 else rows[m, 2]
+                    saved = poses[host, v % 4]
+                    poses[host, v % 4] = saved + DIFFERENCE * unit[v % 4]
+                    element(q, rows[m], poses, g2, work)
+                    poses[host, v % 4] = saved
+                    for w in range(8):
+                        b = columns[m, w]
+                        if b >= 0:
+                            h = 0.5 * dual * (g2[w] * unit[w % 4] - gradients[m, w]) / DIFFERENCE
+                            hessian[a, b] += h
+                            hessian[b, a] += h
+        error = max(np.abs(stationarity).max(), complementarity)
+        if error < 10 * mu or stalled > 3:
+            if mu <= last_mu:
+                break
+            mu = max(last_mu, min(0.15 * mu, mu**1.4 * scale**-0.4))
+            stalled = 0
+            continue
+        step = residual.copy()
+        while not solve_positive(hessian, step, shift):
+            shift = max(1e-6 * scale, 8 * shift)
+            step[:] = residual
+            if shift > 1e12 * scale:
+                break
+        shift = shift / 4 if shift > 1e-6 * scale else 0.0
+        descent = 0.0
+        longest = 0.0
+        for a in range(n):
+            descent -= residual[a] * step[a]
+            longest = max(longest, abs(step[a]))
+        length = min(1.0, 1.0 / (longest + 1e-300))
+        before = poses.copy()
+        accepted = False
+        for _halving in range(30):
+            for host in range(hosts):
+                for axis in range(4):
+                    if column[host, axis] >= 0:
+                        poses[host, axis] = before[host, axis] + length * step[column[host, axis]] * unit[axis]
+            new = barrier_value(q, rows, poses, mu, trial_margins, g, work)
+            inside = new < math.inf
+            if inside:
+                for m in range(count):
+                    inside &= rows[m, 0] == COST or trial_margins[m] >= 0.01 * margins[m]
+            if inside and new <= value + 1e-4 * length * descent + 1e-14 * scale:
+                accepted = True
+                break
+            length *= 0.5
+        if not accepted:
+            poses[:] = before
+            stalled = 10
+            continue
+        stalled = stalled + 1 if length < 1e-3 else 0
+        for m in range(count):
+            if rows[m, 0] == COST:
+                continue
+            along = 0.0
+            for v in range(8):
+                if columns[m, v] >= 0:
+                    along += gradients[m, v] * step[columns[m, v]]
+            change = (mu - z[m] * along) / margins[m] - z[m]
+            share = 1.0 if change >= 0 else min(1.0, -0.99 * z[m] / change)
+            z[m] += share * change
+            target = mu / trial_margins[m]
+            z[m] = min(max(z[m], 1e-3 * target), 1e3 * target)
+    kept = s.positions.copy()
+    kept_axes = s.axes.copy()
+    for host in range(hosts):
+        if moving[host] > 0:
+            s.positions[host] = poses[host, :3]
+            s.axes[host, 0] = math.sin(poses[host, 3])
+            s.axes[host, 1] = math.cos(poses[host, 3])
+    refresh(q, s)
+    cost, violation = totals(q, s)
+    if violation > 0 or cost >= start_cost:
+        s.positions[:] = kept
+        s.axes[:] = kept_axes
+        refresh(q, s)
+        return False
+    return True
