@@ -49,7 +49,9 @@ class Encoder:
         """Return the frame. Raises ValueError naming the message if a field does not fit its wire type."""
         wire = dialect.mavlink_map[message.ID]
         values = [_to_wire(getattr(message, name)) for name in wire.fieldnames]
-        for name, value, size in zip(wire.fieldnames, values, wire.array_lengths, strict=True):
+        sizes = dict(zip(wire.ordered_fieldnames, wire.array_lengths, strict=True))
+        for name, value in zip(wire.fieldnames, values, strict=True):
+            size = sizes[name]
             fits = len(value) <= size if isinstance(value, bytes) else not isinstance(value, list) or len(value) == size
             if not fits:
                 raise ValueError(f"{message.NAME}.{name} has room for {size}: {message}")
