@@ -1,0 +1,158 @@
+"""``hsop-gcs simulate``: simulated vehicles on loopback UDP."""
+
+import math
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hsop_gcs.errors import BadInput
+
+if TYPE_CHECKING:
+    from hsop_gcs.geometry.frames import GeodeticPoint
+    from hsop_gcs.simulator.fleet import SimulatedFleet
+
+
+def register(app: typer.Typer) -> None:
+    @app.command()
+    def simulate(
+        vehicles: Annotated[int, typer.Option(help="How many.")] = 1,
+        autopilot: Annotated[str, typer.Option(help="px4 or ardupilot.")] = "px4",
+        origin: Annotated[
+            str, typer.Option(help="Home of the first: LAT,LON,ALTITUDE_AMSL.")
+        ] = "-35.363261,149.165230,584",
+        position: Annotated[
+            list[str] | None, typer.Option(help="EAST,NORTH of a home from the origin, metres; once per vehicle.")
+        ] = None,
+        spacing_m: Annotated[float, typer.Option(help="Between homes in the grid, without --position.")] = 10.0,
+        target: Annotated[
+            str, typer.Option(help="HOST:PORT of the first vehicle's peer; the next one's port is one up.")
+        ] = ("127.0.0.1:14540"),
+        shared_port: Annotated[bool, typer.Option("--shared-port", help="All vehicles send to the same port.")] = False,
+        bind: Annotated[str, typer.Option(help="Address on which the vehicles listen.")] = "127.0.0.1",
+        local_port: Annotated[int, typer.Option(help="Port of the first vehicle; 0: any free ones.")] = 14580,
+        airborne: Annotated[
+            float, typer.Option(help="Start armed and hovering at this height, metres; 0: landed.")
+        ] = 0.0,
+        speed_mps: Annotated[float, typer.Option(help="Cruise speed.")] = 8.0,
+        ready_after_s: Annotated[float, typer.Option(help="Until the estimator has a position.")] = 2.0,
+        speed: Annotated[float, typer.Option(help="Simulated seconds per second.")] = 1.0,
+        loss: Annotated[float, typer.Option(help="Share of datagrams lost, each way.")] = 0.0,
+        delay_ms: Annotated[float, typer.Option(help="Delay of datagrams, each way.")] = 0.0,
+        seed: Annotated[int, typer.Option(help="Of wandering and losses.")] = 0,
+        exit_with_stdin: Annotated[
+            bool, typer.Option("--exit-with-stdin", help="End when standard input is closed.")
+        ] = False,
+    ) -> None:
+        """Fly simulated PX4 or ArduPilot vehicles that any MAVLink ground station can talk to over UDP."""
+        import asyncio
+        import time
+
+        from hsop_gcs.simulator.channel import Impairment
+        from hsop_gcs.simulator.fleet import Autopilot, FleetConfig, SimulatedFleet, grid, places
+        from hsop_gcs.simulator.flight import FlightLimits
+
+        if autopilot not in list(Autopilot):
+            raise BadInput("--autopilot", f"{autopilot!r} is neither px4 nor ardupilot")
+        _within("--vehicles", vehicles, 1, 250)
+        _within("--spacing-m", spacing_m, 0, 10_000)
+        _within("--airborne", airborne, 0, 10_000)
+        _within("--speed-mps", speed_mps, 0.1, 50)
+        _within("--ready-after-s", ready_after_s, 0, 3600)
+        _within("--speed", speed, 0.01, 100)
+        _within("--loss", loss, 0, 1)
+        _within("--delay-ms", delay_ms, 0, 60_000)
+        _within("--seed", seed, 0, 2**63)
+        _within("--local-port", local_port, 0, 65536 - vehicles)
+        home = _origin(origin)
+        if position and len(position) != vehicles:
+            raise BadInput("--position", f"{len(position)} given for {vehicles} vehicles")
+        config = FleetConfig(
+            autopilot=Autopilot(autopilot),
+            homes=places(home, [_pair(text) for text in position]) if position else grid(home, vehicles, spacing_m),
+            target=_target(target, 1 if shared_port else vehicles),
+            shared_port=shared_port,
+            bind=bind,
+            local_port=local_port,
+            airborne_m=airborne,
+            ready_after_s=ready_after_s,
+            flight=FlightLimits(cruise_mps=speed_mps, max_speed_mps=max(15.0, speed_mps)),
+            impairment=Impairment(loss=loss, delay_s=delay_ms * 1e-3),
+            seed=seed,
+            speed=speed,
+        )
+        asyncio.run(_run(SimulatedFleet(config, clock=time.monotonic), exit_with_stdin=exit_with_stdin))
+
+
+async def _run(fleet: "SimulatedFleet", *, exit_with_stdin: bool) -> None:
+    """Fly until a signal, or the end of standard input if asked for, or a fault."""
+    import asyncio
+    import os
+    import signal
+    import threading
+
+    loop = asyncio.get_running_loop()
+    stop = asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stop.set)
+
+    def wait_for_stdin() -> None:
+        while os.read(0, 4096):
+            pass
+        loop.call_soon_threadsafe(stop.set)
+
+    await fleet.start()
+    try:
+        if exit_with_stdin:
+            threading.Thread(target=wait_for_stdin, daemon=True).start()
+        for vehicle, local, target in zip(fleet.vehicles, fleet.local_addresses, fleet.targets, strict=True):
+            typer.echo(f"system {vehicle.config.system}: {local[0]}:{local[1]} -> {target[0]}:{target[1]}")
+        waiting = {asyncio.create_task(stop.wait()), asyncio.create_task(fleet.failed())}
+        done, pending = await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+        for task in pending:
+            task.cancel()
+        for task in done:
+            task.result()
+    finally:
+        await fleet.close()
+
+
+def _within(name: str, value: float, low: float, high: float) -> None:
+    if not low <= value <= high:
+        raise BadInput(name, f"{value} is not between {low} and {high}")
+
+
+def _numbers(name: str, text: str, form: str) -> list[float]:
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != form.count(",") + 1 or not all(map(math.isfinite, numbers)):
+        raise BadInput(name, f"{text!r} is not {form}")
+    return numbers
+
+
+def _origin(text: str) -> "GeodeticPoint":
+    from hsop_gcs.geometry.frames import GeodeticPoint
+
+    lat_deg, lon_deg, altitude_m = _numbers("--origin", text, "LAT,LON,ALTITUDE_AMSL")
+    if abs(lat_deg) >= 90:
+        raise BadInput("--origin", f"latitude {lat_deg} of {text!r} is not between -90 and 90")
+    if abs(lon_deg) > 180:
+        raise BadInput("--origin", f"longitude {lon_deg} of {text!r} is not between -180 and 180")
+    if not -500 <= altitude_m <= 10_000:
+        raise BadInput("--origin", f"altitude {altitude_m} of {text!r} is not between -500 and 10000 m")
+    return GeodeticPoint(lat_deg=lat_deg, lon_deg=lon_deg, altitude_amsl_m=altitude_m)
+
+
+def _pair(text: str) -> tuple[float, float]:
+    east, north = _numbers("--position", text, "EAST,NORTH")
+    if math.hypot(east, north) > 100_000:
+        raise BadInput("--position", f"{text!r} is more than 100 km from the origin")
+    return east, north
+
+
+def _target(text: str, ports: int) -> tuple[str, int]:
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdecimal() or not 1 <= int(port) <= 65536 - ports:
+        raise BadInput("--target", f"{text!r} is not HOST:PORT with room for {ports} ports")
+    return host, int(port)

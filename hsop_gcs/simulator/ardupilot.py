@@ -1,0 +1,538 @@
+"""A simulated ArduPilot Copter: what 4.7 answers, sends unasked and leaves out.
+
+Its surprises, all on purpose: a fresh link carries only HEARTBEAT and TIMESYNC; arming FAILS with a status text until
+the estimator has a position; a requested message follows its acknowledgement; DO_REPOSITION ignores yaw and speed,
+honours the frame, and does not exist as COMMAND_LONG; an invalid position target stops the vehicle; anybody may steer
+the gimbal, whose attitude is always against the nose; angles beyond its range are ACCEPTED and clamped.
+
+Sources: a recording of 4.7.0-dev; ArduCopter GCS_MAVLink_Copter.cpp and mode_guided.cpp, AP_Mount_Backend.cpp.
+"""
+
+import math
+from dataclasses import replace
+from enum import IntEnum
+
+import numpy as np
+
+from hsop_gcs.geometry.frames import wrap_rad
+from hsop_gcs.link.enums import (
+    GimbalFlags,
+    MavAutopilot,
+    MavCmd,
+    MavFrame,
+    MavLandedState,
+    MavModeFlag,
+    MavResult,
+    MavSeverity,
+    MavState,
+    PositionTargetTypemask,
+)
+from hsop_gcs.link.messages import (
+    Attitude,
+    AutopilotVersion,
+    BatteryStatus,
+    EkfStatusReport,
+    ExtendedSysState,
+    GimbalDeviceAttitudeStatus,
+    GimbalManagerInformation,
+    GimbalManagerSetAttitude,
+    GimbalManagerSetPitchyaw,
+    GimbalManagerStatus,
+    GlobalPositionInt,
+    GpsGlobalOrigin,
+    GpsRawInt,
+    Heartbeat,
+    HomePosition,
+    LocalPositionNed,
+    Message,
+    MissionCurrent,
+    PositionTargetGlobalInt,
+    RequestDataStream,
+    SetMode,
+    SetPositionTargetGlobalInt,
+    SysStatus,
+    SystemTime,
+    Timesync,
+    VfrHud,
+)
+from hsop_gcs.simulator.flight import FlightGoal, Point
+from hsop_gcs.simulator.gimbal import GimbalLimits, Identity, pitch_yaw, quaternion
+from hsop_gcs.simulator.parameters import INT8, Parameter, Parameters
+from hsop_gcs.simulator.telemetry import e7
+from hsop_gcs.simulator.vehicle import Order, Vehicle, VehicleConfig, whole
+
+
+class Mode(IntEnum):
+    """Copter's flight modes, those that are simulated."""
+
+    STABILIZE = 0
+    ALT_HOLD = 2
+    GUIDED = 4
+    LOITER = 5
+    RTL = 6
+    LAND = 9
+    POSHOLD = 16
+    BRAKE = 17
+
+
+_ARMABLE = {Mode.STABILIZE, Mode.ALT_HOLD, Mode.GUIDED, Mode.LOITER, Mode.POSHOLD}
+_POSITION_FREE = {Mode.STABILIZE, Mode.ALT_HOLD}
+_STEERED_BY_ITSELF = {Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.POSHOLD, Mode.BRAKE}
+_ABSOLUTE = {MavFrame.GLOBAL, MavFrame.GLOBAL_INT}
+_RELATIVE = {
+    MavFrame.GLOBAL_RELATIVE_ALT,
+    MavFrame.GLOBAL_RELATIVE_ALT_INT,
+    MavFrame.GLOBAL_TERRAIN_ALT,
+    MavFrame.GLOBAL_TERRAIN_ALT_INT,
+}
+_STREAM_GROUPS = {
+    2: {SysStatus.ID, GpsRawInt.ID, MissionCurrent.ID, PositionTargetGlobalInt.ID},
+    6: {GlobalPositionInt.ID, LocalPositionNed.ID},
+    10: {Attitude.ID},
+    11: {VfrHud.ID},
+    12: {SystemTime.ID, EkfStatusReport.ID, BatteryStatus.ID, GimbalDeviceAttitudeStatus.ID, GimbalManagerStatus.ID},
+}
+"""MAV_DATA_STREAM -> messages; group 0 is all of them."""
+
+_KNOWN_BUT_ABSENT = {259}
+"""CAMERA_INFORMATION: a request is accepted, but there is no camera to send it."""
+_X, _V, _A = 0x007, 0x038, 0x1C0
+"""The three ignore bits of position, velocity and acceleration; one of them set drops its whole group."""
+_FIRST_COMPLAINT_S, _COMPLAINT_EVERY_S = 6.4, 30.0
+_DISARM_IDLE_S = 10.0
+_YAW_ALIGNED_M = 2.6
+_FORCE = {2989, 21196}
+_NOSE_TO_COURSE_BEYOND_M = 2.0
+
+
+class ArduCopter(Vehicle):
+    """ArduPilot Copter 4.7 on a quadrotor with one gimbal."""
+
+    AUTOPILOT = MavAutopilot.ARDUPILOTMEGA
+    SPOOL_UP_S = 3.2
+    GPS_FIX = 6
+
+    def __init__(self, config: VehicleConfig, *, now: float, rng: np.random.Generator) -> None:
+        self.mode = Mode.GUIDED if config.airborne_m > 0 else Mode.STABILIZE
+        self._speed_mps: float | None = None
+        self._paused: FlightGoal | None = None
+        self._idle_since: float | None = None
+        self._yaw_aligned = config.airborne_m > 0
+        self._complain_at = now + _FIRST_COMPLAINT_S
+        parameters = Parameters(
+            {
+                "SYSID_THISMAV": Parameter(config.system, INT8),
+                "WPNAV_SPEED": Parameter(config.flight.cruise_mps * 100),
+                "WP_YAW_BEHAVIOR": Parameter(2, INT8),
+                "RTL_ALT": Parameter(1500),
+                "FENCE_ENABLE": Parameter(0, INT8),
+                "FENCE_RADIUS": Parameter(300.0),
+            },
+            bytewise=False,
+        )
+        super().__init__(config, parameters, {Heartbeat.ID: 1.0, Timesync.ID: 10.0}, rng, now)
+        self._samplers |= {
+            Timesync.ID: lambda: Timesync(ts1=round(self.since_boot_s * 1e9)),
+            SysStatus.ID: self._sys_status,
+            EkfStatusReport.ID: self._ekf_status,
+            PositionTargetGlobalInt.ID: self._position_target,
+            MissionCurrent.ID: MissionCurrent,
+            GimbalDeviceAttitudeStatus.ID: self._gimbal_attitude,
+            GimbalManagerStatus.ID: self._gimbal_status,
+            GimbalManagerInformation.ID: self._gimbal_information,
+            AutopilotVersion.ID: self._autopilot_version,
+        }
+        self._commands |= {
+            MavCmd.COMPONENT_ARM_DISARM: self._arm_disarm,
+            MavCmd.NAV_TAKEOFF: self._take_off,
+            MavCmd.NAV_LAND: lambda _: self._enter(Mode.LAND),
+            MavCmd.NAV_RETURN_TO_LAUNCH: lambda _: self._enter(Mode.RTL),
+            MavCmd.NAV_LOITER_UNLIM: lambda _: self._enter(Mode.LOITER),
+            MavCmd.DO_REPOSITION: self._reposition,
+            MavCmd.DO_SET_MODE: self._set_mode,
+            MavCmd.DO_CHANGE_SPEED: self._change_speed,
+            MavCmd.DO_PAUSE_CONTINUE: self._pause_continue,
+            MavCmd.CONDITION_YAW: self._condition_yaw,
+            MavCmd.REQUEST_AUTOPILOT_CAPABILITIES: lambda _: self._send_later(AutopilotVersion.ID),
+            MavCmd.DO_GIMBAL_MANAGER_PITCHYAW: self._gimbal_pitch_yaw,
+            MavCmd.DO_GIMBAL_MANAGER_CONFIGURE: self._gimbal_configure,
+            MavCmd.DO_SET_ROI_LOCATION: self._set_roi,
+            MavCmd.DO_SET_ROI_NONE: self._clear_roi,
+        }
+
+    # What the shared half asks
+
+    @staticmethod
+    def gimbal_rest_pitch_rad(limits: GimbalLimits) -> float:
+        """Steered by a remote control whose stick is centred: the middle of the range."""
+        return (limits.pitch_min_rad + limits.pitch_max_rad) / 2
+
+    def base_mode(self) -> int:
+        mode = MavModeFlag.CUSTOM_MODE_ENABLED | MavModeFlag.STABILIZE_ENABLED | MavModeFlag.MANUAL_INPUT_ENABLED
+        if self.mode in _STEERED_BY_ITSELF:
+            mode |= MavModeFlag.GUIDED_ENABLED
+        return mode | MavModeFlag.SAFETY_ARMED if self.armed else mode
+
+    def custom_mode(self) -> int:
+        return self.mode
+
+    def system_status(self) -> int:
+        return MavState.ACTIVE if self.in_air else MavState.STANDBY
+
+    def interval_refused(self, message_id: int) -> MavResult:
+        self.say(f"No ap_message for mavlink id ({message_id})")
+        return MavResult.DENIED
+
+    def became_ready(self) -> None:
+        for unit in range(2):
+            self.say(f"EKF3 IMU{unit} is using GPS")
+
+    def touched_down(self) -> None:
+        self._stop_motors()
+
+    def each_step(self, now: float) -> None:
+        if not self.ready and now >= self._complain_at:
+            self._complain_at += _COMPLAINT_EVERY_S
+            self.say("PreArm: Need Position Estimate", MavSeverity.CRITICAL)
+        if not self._yaw_aligned and self.state.position_m[2] > _YAW_ALIGNED_M:
+            self._yaw_aligned = True
+            for unit in range(2):
+                self.say(f"EKF3 IMU{unit} MAG0 in-flight yaw alignment complete")
+        if not self.armed or self.in_air or self._lift_off_at is not None:
+            self._idle_since = None
+        elif self._idle_since is None:
+            self._idle_since = now
+        elif now - self._idle_since >= _DISARM_IDLE_S:
+            self._stop_motors()
+
+    # Orders
+
+    def _hear(self, message: Message, sender: Identity) -> None:
+        match message:
+            case SetMode(custom_mode=custom_mode):
+                # The stack itself acknowledges this message, with the message's id for a command's.
+                self.acknowledge(SetMode.ID, self._change_mode(custom_mode), sender)
+            case SetPositionTargetGlobalInt():
+                if self.mode == Mode.GUIDED and self.in_air:
+                    self._position_order(message)
+            case GimbalManagerSetPitchyaw():
+                self._steer(
+                    message.flags,
+                    message.gimbal_device_id,
+                    (message.pitch, message.yaw),
+                    (message.pitch_rate, message.yaw_rate),
+                )
+            case GimbalManagerSetAttitude(q=q):
+                rates = (message.angular_velocity_y, message.angular_velocity_z)
+                self._steer(message.flags, message.gimbal_device_id, pitch_yaw(q), rates)
+            case RequestDataStream():
+                self._request_stream(message)
+            case _:
+                super()._hear(message, sender)
+
+    def _arm_disarm(self, order: Order) -> MavResult:
+        if order.p1 == 1:
+            return self._arm(forced=order.p2 in _FORCE)
+        if self.in_air and order.p2 not in _FORCE:
+            return MavResult.FAILED
+        if self.armed:
+            self._stop_motors()
+        return MavResult.ACCEPTED
+
+    def _arm(self, *, forced: bool) -> MavResult:
+        if self.armed:
+            return MavResult.ACCEPTED
+        if self.mode not in _ARMABLE:
+            self.say("Arm: Mode not armable", MavSeverity.CRITICAL)
+            return MavResult.FAILED
+        if not self.ready and self.mode not in _POSITION_FREE and not forced:
+            self.say("Arm: Need Position Estimate", MavSeverity.CRITICAL)
+            return MavResult.FAILED
+        self.armed = True
+        self.home = self.local.to_geodetic(np.array(self.state.position_m))
+        self.later(self.sample(GpsGlobalOrigin.ID))
+        self.later(self.sample(HomePosition.ID))
+        self.say("Arming motors")
+        return MavResult.ACCEPTED
+
+    def _stop_motors(self) -> None:
+        self.disarm()
+        self.say("Disarming motors")
+
+    def _take_off(self, order: Order) -> MavResult:
+        """Guided, armed, on the ground, and the altitude is above home: as a COMMAND_INT it must say so."""
+        if order.integer and order.frame != MavFrame.GLOBAL_RELATIVE_ALT:
+            return MavResult.DENIED
+        up_m = self._home_up_m + order.z
+        if self.mode != Mode.GUIDED or not self.armed or self.in_air or not up_m > self.state.position_m[2]:
+            return MavResult.FAILED
+        self.take_off_to(up_m)
+        return MavResult.ACCEPTED
+
+    def _reposition(self, order: Order) -> MavResult:
+        if not order.integer:
+            return MavResult.UNSUPPORTED
+        change_mode = bool(whole(order.p2) & 1)
+        if self.mode != Mode.GUIDED and not change_mode:
+            return MavResult.DENIED
+        target = self._target(order.frame, order.lat_deg, order.lon_deg, order.z)
+        if target is None:
+            return MavResult.DENIED
+        if self.parameters["FENCE_ENABLE"] and self.outside_fence(target, self.parameters["FENCE_RADIUS"]):
+            return MavResult.FAILED
+        if self.mode != Mode.GUIDED:
+            self._enter(Mode.GUIDED)
+        if self.in_air:
+            self._paused = None
+            self.fly_to(FlightGoal(position_m=target, heading_rad=self._course(target), cruise_mps=self._cruise))
+        return MavResult.ACCEPTED
+
+    def _position_order(self, message: SetPositionTargetGlobalInt) -> None:
+        """Fly to a position; anything else that is said, or said wrongly, stops the vehicle.
+
+        Velocity and acceleration targets are not flown: the vehicle stops, as it does when their stream ends.
+        """
+        target = self._target(message.coordinate_frame, message.lat_int * 1e-7, message.lon_int * 1e-7, message.alt)
+        if target is None or message.type_mask & _X or not message.type_mask & _V or not message.type_mask & _A:
+            self.hold()
+            return
+        heading_rad = self._course(target)
+        if not message.type_mask & PositionTargetTypemask.YAW_IGNORE and math.isfinite(message.yaw):
+            heading_rad = wrap_rad(message.yaw)
+        self._paused = None
+        self.fly_to(FlightGoal(position_m=target, heading_rad=heading_rad, cruise_mps=self._cruise))
+
+    def _target(self, frame: int, lat_deg: float, lon_deg: float, altitude_m: float) -> Point | None:
+        """Return local ENU; None for a frame, a place or an altitude that the stack refuses. Terrain is flat here."""
+        if frame in _RELATIVE:
+            altitude_m += self.home.altitude_amsl_m
+        elif frame not in _ABSOLUTE:
+            return None
+        if not (math.isfinite(altitude_m) and abs(lat_deg) <= 90 and abs(lon_deg) <= 180):
+            return None
+        return self.place_of(lat_deg, lon_deg, altitude_m)
+
+    def _course(self, target_m: Point) -> float | None:
+        """Return where WP_YAW_BEHAVIOR turns the nose on a leg: to the next point, unless that is near or it is 0."""
+        east, north = target_m[0] - self.state.position_m[0], target_m[1] - self.state.position_m[1]
+        if self.parameters["WP_YAW_BEHAVIOR"] == 0 or math.hypot(east, north) <= _NOSE_TO_COURSE_BEYOND_M:
+            return None
+        return math.atan2(east, north)
+
+    @property
+    def _cruise(self) -> float:
+        return self.parameters["WPNAV_SPEED"] / 100 if self._speed_mps is None else self._speed_mps
+
+    @property
+    def _home_up_m(self) -> float:
+        return float(self.local.to_enu(self.home)[2])
+
+    def _set_mode(self, order: Order) -> MavResult:
+        if not whole(order.p1) & MavModeFlag.CUSTOM_MODE_ENABLED:
+            return MavResult.DENIED
+        return self._change_mode(whole(order.p2))
+
+    def _change_mode(self, custom_mode: int) -> MavResult:
+        if custom_mode not in Mode.__members__.values():
+            return MavResult.FAILED
+        return self._enter(Mode(custom_mode))
+
+    def _enter(self, mode: Mode) -> MavResult:
+        """Change the mode, start what it means, and tell it at once in a heartbeat of its own."""
+        if self.armed and not self.ready and mode not in _POSITION_FREE:
+            return MavResult.FAILED
+        changed = mode != self.mode
+        self.mode = mode
+        self._paused = None
+        if self.in_air and mode == Mode.LAND:
+            self.land()
+        elif self.in_air and mode == Mode.RTL:
+            self._return()
+        elif changed:
+            self.hold()
+        if changed:
+            self._speed_mps = None
+            self.later(self._heartbeat())
+        return MavResult.ACCEPTED
+
+    def _return(self) -> None:
+        """Climb to RTL_ALT if below it, fly home without turning the nose, land."""
+        east, north, up = (float(value) for value in self.local.to_enu(self.home))
+        up_m = max(self.state.position_m[2], up + self.parameters["RTL_ALT"] / 100)
+        here = self.stopping_point_m
+        self.land(
+            FlightGoal(position_m=(here[0], here[1], up_m)),
+            FlightGoal(position_m=(east, north, up_m), cruise_mps=self._cruise),
+        )
+
+    def _change_speed(self, order: Order) -> MavResult:
+        if not order.p2 > 0 or order.p1 not in (0, 1):
+            return MavResult.FAILED
+        self._speed_mps = order.p2
+        if self.goal is not None:
+            self.goal = replace(self.goal, cruise_mps=order.p2)
+        return MavResult.ACCEPTED
+
+    def _pause_continue(self, order: Order) -> MavResult:
+        if self.mode != Mode.GUIDED or order.p1 not in (0, 1):
+            return MavResult.FAILED
+        if order.p1 == 0:
+            self._paused = self._paused or self.goal
+            self.hold()
+        elif self._paused is not None:
+            self.fly_to(self._paused)
+            self._paused = None
+        return MavResult.ACCEPTED
+
+    def _condition_yaw(self, order: Order) -> MavResult:
+        if not 0 <= order.p1 <= 360 or order.p4 not in (0, 1):
+            return MavResult.FAILED
+        heading_rad = math.radians(order.p1)
+        if order.p4 == 1:
+            heading_rad = self.state.heading_rad + math.copysign(heading_rad, order.p3 or 1.0)
+        if self.goal is not None:
+            self.goal = replace(self.goal, heading_rad=wrap_rad(heading_rad))
+        return MavResult.ACCEPTED
+
+    def _request_message(self, order: Order) -> MavResult:
+        """The acknowledgement comes first, the message behind it."""
+        return self._send_later(whole(order.p1))
+
+    def _send_later(self, message_id: int) -> MavResult:
+        message = self.sample(message_id)
+        if message is None and message_id not in _KNOWN_BUT_ABSENT:
+            return MavResult.FAILED
+        self.later(message)
+        return MavResult.ACCEPTED
+
+    def _request_stream(self, message: RequestDataStream) -> None:
+        groups = (
+            _STREAM_GROUPS.values()
+            if message.req_stream_id == 0
+            else [_STREAM_GROUPS.get(message.req_stream_id, set())]
+        )
+        for message_id in sorted(set().union(*groups)):
+            if message.start_stop and message.req_message_rate:
+                self._streams.set(message_id, 1.0 / message.req_message_rate, self._now)
+            else:
+                self._streams.stop(message_id)
+
+    # Gimbal
+
+    def _gimbal_pitch_yaw(self, order: Order) -> MavResult:
+        angles = (math.radians(order.p1), math.radians(order.p2))
+        return self._steer(whole(order.x), whole(order.z), angles, (math.radians(order.p3), math.radians(order.p4)))
+
+    def _steer(self, flags: int, gimbal_id: int, angles: tuple[float, float], rates: tuple[float, float]) -> MavResult:
+        """Obey anybody: both angles if they are numbers, else both rates, else it is nothing. Only YAW_LOCK counts."""
+        locked = bool(flags & GimbalFlags.YAW_LOCK)
+        if gimbal_id not in (0, 1):
+            return MavResult.FAILED
+        if flags & (GimbalFlags.NEUTRAL | GimbalFlags.RETRACT):
+            self.gimbal.point(pitch_rad=0.0, yaw_rad=0.0, locked=False)
+        elif all(map(math.isfinite, angles)):
+            self.gimbal.point(pitch_rad=angles[0], yaw_rad=angles[1], locked=locked)
+        elif all(map(math.isfinite, rates)):
+            self.gimbal.turn(pitch_rad_s=rates[0], yaw_rad_s=rates[1], locked=locked)
+        else:
+            return MavResult.FAILED
+        self.roi = None
+        return MavResult.ACCEPTED
+
+    def _gimbal_configure(self, order: Order) -> MavResult:
+        """Remember who is in control, tell it at once, and enforce nothing; "-2" means the sender."""
+        if whole(order.z) not in (0, 1):
+            return MavResult.FAILED
+        self.gimbal.configure((order.p1, order.p2), (-1, -1), sender=order.sender, me=order.sender)
+        self.later(self._gimbal_status())
+        return MavResult.ACCEPTED
+
+    def _set_roi(self, order: Order) -> MavResult:
+        frame = order.frame if order.integer else MavFrame.GLOBAL_RELATIVE_ALT
+        target = self._target(frame, order.lat_deg, order.lon_deg, order.z)
+        if target is None:
+            return MavResult.DENIED
+        self.roi = target
+        return MavResult.ACCEPTED
+
+    def _clear_roi(self, order: Order) -> MavResult:  # noqa: ARG002
+        self.roi = None
+        self.gimbal.point(pitch_rad=self.gimbal_rest_pitch_rad(self.config.gimbal), yaw_rad=0.0, locked=False)
+        return MavResult.ACCEPTED
+
+    # Reports
+
+    def _sys_status(self) -> SysStatus:
+        healthy = 1198652463
+        return SysStatus(
+            onboard_control_sensors_present=1399979055,
+            onboard_control_sensors_enabled=1398930479,
+            onboard_control_sensors_health=healthy | 0x1000_0000 if self.ready else healthy,
+            voltage_battery=self.battery_mv,
+            battery_remaining=self.battery_percent,
+        )
+
+    def _ekf_status(self) -> EkfStatusReport:
+        return EkfStatusReport(
+            flags=831 if self.ready else 167, pos_horiz_variance=0.009, pos_vert_variance=5e-5, compass_variance=0.03
+        )
+
+    def _extended_sys_state(self) -> ExtendedSysState:
+        return ExtendedSysState(vtol_state=3, landed_state=self.landed)
+
+    def _position_target(self) -> PositionTargetGlobalInt | None:
+        """Only while a position is flown to; taking off is none."""
+        if self.goal is None or not self.in_air or self.landed == MavLandedState.TAKEOFF:
+            return None
+        place = self.local.to_geodetic(np.array(self.goal.position_m))
+        return PositionTargetGlobalInt(
+            time_boot_ms=round(self.since_boot_s * 1e3),
+            coordinate_frame=MavFrame.GLOBAL,
+            type_mask=0xFDF8,
+            lat_int=e7(place.lat_deg),
+            lon_int=e7(place.lon_deg),
+            alt=place.altitude_amsl_m,
+        )
+
+    def _autopilot_version(self) -> AutopilotVersion:
+        return AutopilotVersion(capabilities=64495, flight_sw_version=67567616, uid2=(self.config.system, *(0,) * 17))
+
+    def _gimbal_information(self) -> GimbalManagerInformation:
+        limits = self.config.gimbal
+        return GimbalManagerInformation(
+            time_boot_ms=round(self.since_boot_s * 1e3),
+            cap_flags=206847,
+            gimbal_device_id=1,
+            roll_min=math.radians(-30),
+            roll_max=math.radians(30),
+            pitch_min=limits.pitch_min_rad,
+            pitch_max=limits.pitch_max_rad,
+            yaw_min=limits.yaw_min_rad,
+            yaw_max=limits.yaw_max_rad,
+        )
+
+    def _gimbal_status(self) -> GimbalManagerStatus:
+        return GimbalManagerStatus(
+            time_boot_ms=round(self.since_boot_s * 1e3),
+            flags=GimbalFlags.ROLL_LOCK | GimbalFlags.PITCH_LOCK,
+            gimbal_device_id=1,
+            primary_control_sysid=self.gimbal.primary[0],
+            primary_control_compid=self.gimbal.primary[1],
+        )
+
+    def _gimbal_attitude(self) -> GimbalDeviceAttitudeStatus:
+        """Always against the nose, and it says so; rates and the angle to north are not told."""
+        flags = GimbalFlags.ROLL_LOCK | GimbalFlags.PITCH_LOCK | GimbalFlags.YAW_IN_VEHICLE_FRAME
+        if self.gimbal.locked:
+            flags |= GimbalFlags.YAW_LOCK
+        return GimbalDeviceAttitudeStatus(
+            time_boot_ms=round(self.since_boot_s * 1e3),
+            flags=flags,
+            q=quaternion(pitch_rad=self.gimbal.pitch_rad, yaw_rad=self.gimbal.yaw_rad),
+            angular_velocity_x=math.nan,
+            angular_velocity_y=math.nan,
+            angular_velocity_z=math.nan,
+            delta_yaw=math.nan,
+            delta_yaw_velocity=math.nan,
+            gimbal_device_id=1,
+        )
