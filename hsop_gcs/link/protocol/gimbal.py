@@ -25,11 +25,13 @@ from hsop_gcs.link.messages import (
     GimbalManagerStatus,
     Message,
 )
-from hsop_gcs.link.protocol.command import REPEATABLE, CommandSender, Outcome, Request, Verdict
+from hsop_gcs.link.protocol.command import ONCE, REPEATABLE, CommandSender, Outcome, Request, Verdict
 from hsop_gcs.link.protocol.telemetry import Telemetry
 
 _UNCHANGED = -1.0
 _ASK_FOR_S = 5.0
+_LOOK_AGAIN_AFTER_S = 30.0
+"""While nobody wants to aim, a vehicle that said it has no gimbal is left in peace."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,6 +77,7 @@ class Gimbal:
         self._own = own
         self._events: list[Event] = []
         self._order_id = ""
+        self._order_heading_deg = 0.0
         self._manager: _Manager | None = None
         self._ours = False
         self._configured_at = -math.inf
@@ -100,9 +103,9 @@ class Gimbal:
         self._inside_since = self._outside_since = self._sent = None
         self._refusal = ""
         self._give_up_at = now + self.tolerances.give_up_after_s
-        given = self._clipped(aim, heading_deg)
-        if separation_deg(aim, given) > self.tolerances.least_change_deg:
-            self._events.append(AimClipped(system=self._system, order_id=order_id, wanted=aim, given=given))
+        self._order_heading_deg = heading_deg
+        self._next_at = now if self._ticket is None else self._next_at
+        self._tell_if_clipped()
         self.advance(now)
 
     def stop(self, now: float) -> None:
@@ -134,6 +137,7 @@ class Gimbal:
                 limits = adapter.gimbal_limits(message) if adapter is not None else None
                 self._manager = _Manager(component, message.gimbal_device_id, _usable(limits))
                 self._next_at = now
+                self._tell_if_clipped()
             case GimbalManagerStatus():
                 self._status(message, component, now)
             case GimbalDeviceAttitudeStatus():
@@ -155,10 +159,13 @@ class Gimbal:
         elif command == MavCmd.DO_GIMBAL_MANAGER_PITCHYAW and outcome.accepted:
             self._next_at = max(now, self._sent_at + self.tolerances.least_period_s)
         elif outcome.verdict is not Verdict.SUPERSEDED:
-            self._next_at = now + self.tolerances.again_after_s
+            patient = self.aim is None and not outcome.accepted
+            self._next_at = now + (_LOOK_AGAIN_AFTER_S if patient else self.tolerances.again_after_s)
             if not outcome.accepted:
                 self._refusal = f"{MavCmd(command).name}: {outcome.problem}"
                 self._sent = None
+            if command == MavCmd.DO_GIMBAL_MANAGER_PITCHYAW and outcome.verdict is Verdict.NO_REPLY:
+                self._next_at = now
             if outcome.result == MavResult.DENIED and command == MavCmd.DO_GIMBAL_MANAGER_PITCHYAW:
                 self._ours, self._next_at = False, now
         self.advance(now)
@@ -240,7 +247,9 @@ class Gimbal:
             command=command,
             **{f"param{number}": value for number, value in enumerate(parameters, start=1)},  # type: ignore[arg-type]
         )
-        request = Request(message=message, key=_key(purpose), tries=REPEATABLE, deadline_s=now + _ASK_FOR_S)
+        # A lost aim is not repeated as it was but overtaken by the next one, which knows the newer heading.
+        tries = ONCE if command == MavCmd.DO_GIMBAL_MANAGER_PITCHYAW else REPEATABLE
+        request = Request(message=message, key=_key(purpose), tries=tries, deadline_s=now + _ASK_FOR_S)
         return self._commands.submit(request, now)
 
     def _status(self, message: GimbalManagerStatus, component: int, now: float) -> None:
@@ -281,6 +290,13 @@ class Gimbal:
         from_nose_deg = min(max(wrap_deg(aim.pan_deg - heading_deg), limits.pan_min_deg), limits.pan_max_deg)
         tilt_deg = min(max(aim.tilt_deg, limits.tilt_min_deg), limits.tilt_max_deg)
         return Aim(pan_deg=(from_nose_deg + heading_deg) % 360.0, tilt_deg=tilt_deg)
+
+    def _tell_if_clipped(self) -> None:
+        if self.aim is None:
+            return
+        given = self._clipped(self.aim, self._order_heading_deg)
+        if separation_deg(self.aim, given) > self.tolerances.least_change_deg:
+            self._events.append(AimClipped(system=self._system, order_id=self._order_id, wanted=self.aim, given=given))
 
     def _why_not(self) -> str:
         if self._manager is None:

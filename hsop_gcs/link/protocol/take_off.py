@@ -1,0 +1,226 @@
+"""Taking off, on an operator's explicit order.
+
+    idle ──start──► setting mode ──► arming ──accepted, or seen armed──► taking off ──accepted──► climbing ──► idle
+     ▲              (ArduPilot)       │  ▲                                │ ▲                        │       TookOff
+     │                                └──┘ not ready yet, up to a minute  └─┘ seen still on ground   │
+     └──failed: refused for good, too long, disarmed again───────────────────────────────────────────┘
+
+Arming and take-off are each sent once: a second copy that arrives late could arm a vehicle that has landed. Whether to
+order again is decided from telemetry.
+"""
+
+import math
+from dataclasses import replace
+from enum import Enum
+
+from hsop_gcs.link.adapters.adapter import Mode
+from hsop_gcs.link.enums import MavCmd, MavComponent, MavModeFlag, MavResult
+from hsop_gcs.link.events import Event, OrderFailed, OrderSuperseded, TookOff
+from hsop_gcs.link.messages import CommandLong, Message
+from hsop_gcs.link.protocol.command import ONCE, REPEATABLE, CommandSender, Outcome, Request, Verdict
+from hsop_gcs.link.protocol.telemetry import Telemetry
+
+READY_WITHIN_S = 60.0
+"""An ArduPilot needs about 40 s from power-up to a position estimate."""
+_AGAIN_AFTER_S = 3.0
+_TAKE_OFF_TRIES = 3
+_REACHED_WITHIN_M = 1.0
+_SLOWEST_CLIMB_MPS = 0.7
+_CLIMB_MARGIN_S = 30.0
+_KEY = "take off"
+
+
+class _Step(Enum):
+    IDLE = "idle"
+    SETTING_MODE = "setting the mode"
+    ARMING = "arming"
+    TAKING_OFF = "taking off"
+    CLIMBING = "climbing"
+
+
+class TakeOff:
+    """The take-off of one vehicle. See the module's diagram."""
+
+    def __init__(self, telemetry: Telemetry, commands: CommandSender) -> None:
+        self.order_id: str | None = None
+        self._telemetry = telemetry
+        self._commands = commands
+        self._events: list[Event] = []
+        self._step = _Step.IDLE
+        self._altitude_m = 0.0
+        self._ticket: int | None = None
+        self._next_at = 0.0
+        self._give_up_at = 0.0
+        self._tries = 0
+        self._refusal = ""
+        self._seen_armed = False
+
+    def start(self, altitude_above_home_m: float, *, order_id: str, now: float) -> None:
+        """Take off to an altitude above home."""
+        self.stop(now)
+        problem = self._why_not(altitude_above_home_m)
+        if problem is not None:
+            self._events.append(OrderFailed(system=self._system, order_id=order_id, reason=problem))
+            return
+        self.order_id = order_id
+        self._altitude_m = altitude_above_home_m
+        self._ticket, self._tries, self._refusal, self._seen_armed = None, 0, "", False
+        adapter = self._telemetry.adapter
+        sets_mode = adapter is not None and adapter.take_off_mode is not None
+        self._step = _Step.SETTING_MODE if sets_mode else _Step.ARMING
+        self._next_at, self._give_up_at = now, now + READY_WITHIN_S
+        self.advance(now)
+
+    def stop(self, now: float) -> None:
+        """Give up a take-off under way: something else took its place. What was already obeyed is not undone."""
+        self._commands.withdraw(_KEY, now)
+        if self.order_id is not None:
+            self._events.append(OrderSuperseded(system=self._system, order_id=self.order_id))
+        self.order_id, self._step = None, _Step.IDLE
+
+    @property
+    def wake_at(self) -> float | None:
+        """When to order again or to give up."""
+        if self._step is _Step.IDLE:
+            return None
+        waiting = self._ticket is not None or self._step is _Step.CLIMBING
+        return self._give_up_at if waiting else min(self._next_at, self._give_up_at)
+
+    def receive(self, message: Message, now: float) -> None:
+        """Take a message of the autopilot; ``Telemetry`` has had it already."""
+        del message  # what counts is the state it made
+        if self._step is not _Step.IDLE:
+            self._look(now)
+            self.advance(now)
+
+    def settle(self, outcome: Outcome, now: float) -> None:
+        """Take the end of a command."""
+        if outcome.ticket != self._ticket:
+            return
+        self._ticket = None
+        if self._step is _Step.IDLE:
+            return
+        if outcome.accepted:
+            self._next_step(now)
+        else:
+            self._refused(outcome, now)
+        self.advance(now)
+
+    def advance(self, now: float) -> None:
+        """Order the next thing, or give up."""
+        if self._step is _Step.IDLE:
+            return
+        if now >= self._give_up_at:
+            self._fail(f"{self._step.value} took too long" + (f": {self._refusal}" if self._refusal else ""))
+        elif self._ticket is None and now >= self._next_at and self._step is not _Step.CLIMBING:
+            self._command(now)
+
+    def take_outgoing(self) -> list[Message]:
+        """Everything goes through the command sender."""
+        return []
+
+    def take_events(self) -> list[Event]:
+        """Return what happened, once."""
+        events, self._events = self._events, []
+        return events
+
+    @property
+    def _system(self) -> int:
+        return self._telemetry.state.system
+
+    def _why_not(self, altitude_above_home_m: float) -> str | None:
+        state = self._telemetry.state
+        if not state.link_up:
+            return "no link to the vehicle"
+        if self._telemetry.adapter is None:
+            return f"no orders are given to an autopilot of kind {state.autopilot}"
+        if not altitude_above_home_m > 0 or not math.isfinite(altitude_above_home_m):
+            return f"{altitude_above_home_m} m is no altitude to take off to"
+        if state.in_air is not False:
+            return (
+                "the vehicle is not known to be on the ground" if state.in_air is None else "the vehicle is in the air"
+            )
+        if state.home is None:
+            return "the vehicle's home is not known"
+        return None
+
+    def _look(self, now: float) -> None:
+        """Believe telemetry more than lost acknowledgements."""
+        state = self._telemetry.state
+        achieved = {
+            _Step.SETTING_MODE: self._in_take_off_mode(),
+            _Step.ARMING: bool(state.armed),
+            _Step.TAKING_OFF: bool(state.in_air),
+        }
+        if achieved.get(self._step):
+            self._next_step(now)
+        disarmed = self._seen_armed and not state.armed
+        self._seen_armed = bool(state.armed)
+        if disarmed:
+            self._fail("the vehicle disarmed")
+        elif self._step is _Step.CLIMBING:
+            altitude_m = state.altitude_above_home_m
+            if state.in_air and altitude_m is not None and abs(altitude_m - self._altitude_m) <= _REACHED_WITHIN_M:
+                self._events.append(TookOff(system=self._system, order_id=self.order_id or ""))
+                self.order_id, self._step = None, _Step.IDLE
+
+    def _next_step(self, now: float) -> None:
+        following = {
+            _Step.SETTING_MODE: _Step.ARMING,
+            _Step.ARMING: _Step.TAKING_OFF,
+            _Step.TAKING_OFF: _Step.CLIMBING,
+        }
+        self._step = following[self._step]
+        self._ticket, self._next_at, self._refusal = None, now, ""
+        if self._step is _Step.CLIMBING:
+            self._give_up_at = now + self._altitude_m / _SLOWEST_CLIMB_MPS + _CLIMB_MARGIN_S
+
+    def _in_take_off_mode(self) -> bool:
+        adapter = self._telemetry.adapter
+        mode = adapter.take_off_mode if adapter is not None else None
+        return mode is not None and self._telemetry.state.custom_mode == mode.custom_mode
+
+    def _refused(self, outcome: Outcome, now: float) -> None:
+        texts = self._telemetry.state.texts
+        said = f" ({texts[-1].text})" if texts else ""
+        self._refusal = f"{MavCmd(outcome.request.message.command).name}: {outcome.problem}{said}"
+        self._next_at = now + _AGAIN_AFTER_S
+        self._tries += self._step is _Step.TAKING_OFF
+        final = outcome.verdict is Verdict.REFUSED and outcome.result == MavResult.UNSUPPORTED
+        if final or self._tries >= _TAKE_OFF_TRIES:
+            self._fail(self._refusal)
+
+    def _fail(self, reason: str) -> None:
+        self._events.append(OrderFailed(system=self._system, order_id=self.order_id or "", reason=reason))
+        self.order_id, self._step = None, _Step.IDLE
+
+    def _command(self, now: float) -> None:
+        adapter, home = self._telemetry.adapter, self._telemetry.state.home
+        if adapter is None or home is None:
+            return
+        target = CommandLong(target_system=self._system, target_component=MavComponent.AUTOPILOT1)
+        tries = ONCE
+        if self._step is _Step.SETTING_MODE:
+            message, tries = set_mode(self._system, adapter.take_off_mode or adapter.hover_mode), REPEATABLE
+        elif self._step is _Step.ARMING:
+            message = replace(target, command=MavCmd.COMPONENT_ARM_DISARM, param1=1.0)
+        elif adapter.take_off_altitude_is_amsl:
+            here = replace(target, param4=math.nan, param5=math.nan, param6=math.nan)
+            altitude_amsl_m = home.altitude_amsl_m + self._altitude_m
+            message = replace(here, command=MavCmd.NAV_TAKEOFF, param7=altitude_amsl_m)
+        else:
+            message = replace(target, command=MavCmd.NAV_TAKEOFF, param7=self._altitude_m)
+        request = Request(message=message, key=_KEY, tries=tries, deadline_s=self._give_up_at)
+        self._ticket = self._commands.submit(request, now)
+
+
+def set_mode(system: int, mode: Mode) -> CommandLong:
+    """Return the command that changes the flight mode."""
+    return CommandLong(
+        target_system=system,
+        target_component=MavComponent.AUTOPILOT1,
+        command=MavCmd.DO_SET_MODE,
+        param1=float(MavModeFlag.CUSTOM_MODE_ENABLED),
+        param2=float(mode.main),
+        param3=float(mode.sub),
+    )

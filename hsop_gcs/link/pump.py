@@ -1,0 +1,212 @@
+"""The link as the service holds it: sockets, clock and machines, driven by one task.
+
+Nothing else awaits a socket. Our heartbeat comes out of the same loop that reads, decides and sends, so that a hung
+ground station falls silent and the vehicles' failsafes notice.
+"""
+
+import asyncio
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from types import TracebackType
+from typing import Self
+
+from hsop_gcs.errors import BadInput
+from hsop_gcs.link.events import Event
+from hsop_gcs.link.identity import GROUND_STATION, Identity
+from hsop_gcs.link.protocol.hover import HoverOrder
+from hsop_gcs.link.router import LinkCounters, Peer, Router, Stranger, VehicleLink
+from hsop_gcs.link.transports import Address, UdpTransport, parse_endpoint
+from hsop_gcs.link.vehicle import Vehicle, VehicleLimits
+
+_MOST_WAITING = 4096
+_LONGEST_SLEEP_S = 0.5
+
+
+class Link:
+    """All vehicles of a fleet over their UDP endpoints.
+
+    endpoints: ``udpin:HOST:PORT`` or ``udpout:HOST:PORT``, shared by any number of vehicles. systems: the MAVLink
+    ids of the fleet. clock: seconds, monotonic; by default the event loop's. on_event: called from the pump for every event;
+    without it they are put on ``events``. on_frame: called with every raw frame received and sent, for a recording.
+    Raises BadInput for an endpoint or id that is none.
+    """
+
+    def __init__(
+        self,
+        endpoints: Iterable[str],
+        systems: Iterable[int],
+        *,
+        own: Identity = GROUND_STATION,
+        limits: VehicleLimits | None = None,
+        clock: Callable[[], float] | None = None,
+        on_event: Callable[[Event], None] | None = None,
+        on_frame: Callable[[bytes], None] | None = None,
+    ) -> None:
+        ids = list(systems)
+        for system in ids:
+            if not 1 <= system <= 255 or system == own.system:
+                raise BadInput("system", f"{system} is no id of a vehicle (1-255, not our own {own.system})")
+        if len(set(ids)) != len(ids):
+            raise BadInput("system", f"{sorted(ids)} names one vehicle twice")
+        self.events: asyncio.Queue[Event] = asyncio.Queue()
+        self._transports = [
+            UdpTransport(parse_endpoint(text), self._datagram_handler(number)) for number, text in enumerate(endpoints)
+        ]
+        self._router = Router(ids, own=own, limits=limits)
+        self._clock = clock
+        self._on_event = on_event or self.events.put_nowait
+        self._on_frame = on_frame
+        self._waiting: deque[tuple[bytes, Peer]] = deque()
+        self._dropped = 0
+        self._stir = asyncio.Event()
+        self._pump: asyncio.Task[None] | None = None
+
+    async def open(self) -> None:
+        """Open the sockets and start the pump. Raises Unavailable if a socket cannot be opened."""
+        try:
+            for number, transport in enumerate(self._transports):
+                await transport.open()
+                remote = transport.remote
+                if remote is not None:
+                    self._router.greet(Peer(number, *remote))
+        except BaseException:
+            self._close_transports()
+            raise
+        self._clock = self._clock or asyncio.get_running_loop().time
+        self._pump = asyncio.create_task(self._run(), name="link pump")
+
+    async def close(self) -> None:
+        """Stop the pump and close the sockets. Raises what the pump failed of, if it failed."""
+        pump, self._pump = self._pump, None
+        try:
+            if pump is not None:
+                pump.cancel()
+                try:
+                    await pump
+                except asyncio.CancelledError:
+                    current = asyncio.current_task()
+                    if current is not None and current.cancelling():
+                        raise
+        finally:
+            self._close_transports()
+
+    async def __aenter__(self) -> Self:
+        await self.open()
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.close()
+
+    @property
+    def running(self) -> bool:
+        """Whether the pump runs; a pump that failed has stopped our heartbeat with it."""
+        return self._pump is not None and not self._pump.done()
+
+    @property
+    def vehicles(self) -> Mapping[int, Vehicle]:
+        """The fleet by system id. Give orders through the link: it knows the time and wakes the pump."""
+        return self._router.vehicles
+
+    @property
+    def counters(self) -> LinkCounters:
+        """What went through the link."""
+        return self._router.counters
+
+    @property
+    def vehicle_links(self) -> tuple[VehicleLink, ...]:
+        """Every vehicle's share of the link."""
+        return self._router.vehicle_links
+
+    @property
+    def strangers(self) -> tuple[Stranger, ...]:
+        """Who is heard and not in the fleet."""
+        return self._router.strangers
+
+    @property
+    def dropped_datagrams(self) -> int:
+        """Datagrams that came faster than the pump could take them."""
+        return self._dropped
+
+    @property
+    def send_errors(self) -> int:
+        """Datagrams the network refused."""
+        return sum(transport.errors for transport in self._transports)
+
+    @property
+    def addresses(self) -> tuple[Address, ...]:
+        """Our own address of each endpoint, in their order."""
+        return tuple(transport.local for transport in self._transports)
+
+    def now(self) -> float:
+        """The link's clock, seconds; deadlines of orders are times on it."""
+        if self._clock is None:
+            raise RuntimeError("the link is not open")
+        return self._clock()
+
+    def hover(self, system: int, order: HoverOrder) -> None:
+        """See ``Vehicle.hover``. Raises BadInput for a vehicle that is not in the fleet."""
+        self._vehicle(system).hover(order, self.now())
+        self._stir.set()
+
+    def take_off(self, system: int, altitude_above_home_m: float, *, order_id: str = "take off") -> None:
+        """See ``Vehicle.take_off``."""
+        self._vehicle(system).take_off(altitude_above_home_m, self.now(), order_id=order_id)
+        self._stir.set()
+
+    def hold(self, system: int) -> None:
+        """See ``Vehicle.hold``."""
+        self._vehicle(system).hold(self.now())
+        self._stir.set()
+
+    def return_to_launch(self, system: int) -> None:
+        """See ``Vehicle.return_to_launch``."""
+        self._vehicle(system).return_to_launch(self.now())
+        self._stir.set()
+
+    def _vehicle(self, system: int) -> Vehicle:
+        vehicle = self._router.vehicles.get(system)
+        if vehicle is None:
+            raise BadInput("system", f"{system} is not in the fleet {sorted(self._router.vehicles)}")
+        return vehicle
+
+    def _datagram_handler(self, number: int) -> Callable[[bytes, Address], None]:
+        def on_datagram(data: bytes, address: Address) -> None:
+            if len(self._waiting) >= _MOST_WAITING:
+                self._dropped += 1
+                return
+            self._waiting.append((data, Peer(number, *address)))
+            self._stir.set()
+
+        return on_datagram
+
+    async def _run(self) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            self._stir.clear()
+            self._turn()
+            wake_at = self._router.wake_at
+            pause_s = _LONGEST_SLEEP_S if wake_at is None else min(max(wake_at - self.now(), 0.0), _LONGEST_SLEEP_S)
+            alarm = loop.call_later(pause_s, self._stir.set)
+            await self._stir.wait()
+            alarm.cancel()
+
+    def _turn(self) -> None:
+        """Read what came, let the machines work, send what they made."""
+        while self._waiting:
+            datagram, peer = self._waiting.popleft()
+            for frame in self._router.receive(datagram, peer, self.now()):
+                if self._on_frame is not None:
+                    self._on_frame(frame.raw)
+        self._router.advance(self.now())
+        for peer, raw in self._router.take_outgoing():
+            self._transports[peer.transport].send(raw, (peer.host, peer.port))
+            if self._on_frame is not None:
+                self._on_frame(raw)
+        for event in self._router.take_events():
+            self._on_event(event)
+
+    def _close_transports(self) -> None:
+        for transport in self._transports:
+            transport.close()
