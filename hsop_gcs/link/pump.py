@@ -26,8 +26,8 @@ class Link:
     """All vehicles of a fleet over their UDP endpoints.
 
     endpoints: ``udpin:HOST:PORT`` or ``udpout:HOST:PORT``, shared by any number of vehicles. systems: the MAVLink
-    ids of the fleet. clock: seconds, monotonic; by default the event loop's. on_event: called from the pump for every event;
-    without it they are put on ``events``. on_frame: called with every raw frame received and sent, for a recording.
+    ids of the fleet. clock: seconds, monotonic; by default the event loop's. on_event: called from the pump for every
+    event; without it they are put on ``events``. on_frame: called with every raw frame received and sent.
     Raises BadInput for an endpoint or id that is none.
     """
 
