@@ -19,7 +19,7 @@ from hsop_gcs.link.transports import Address, UdpTransport, parse_endpoint
 from hsop_gcs.link.vehicle import Vehicle, VehicleLimits
 
 _MOST_WAITING = 4096
-_LONGEST_SLEEP_S = 0.5
+_LONGEST_SLEEP_S = 0.1
 
 
 class Link:
