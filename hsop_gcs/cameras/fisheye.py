@@ -68,7 +68,7 @@ class FisheyeCamera:
         return np.asarray(1 + square * (3 * k1 + square * (5 * k2 + square * (7 * k3 + square * 9 * k4))))
 
     def relative_pixel_size(self, angle_rad: npt.ArrayLike) -> FloatArray:
-        """Return an object's size in the image relative to the boresight: 1 there, 0 at 90° and beyond (Eq. 2, Fig. 2b)."""
+        """Return an object's size in the image relative to the boresight: 1 there, 0 from 90° on (Eq. 2, Fig. 2b)."""
         theta = np.abs(np.asarray(angle_rad, dtype=np.float64))
         inside = np.clip(theta, 1e-9, np.pi / 2)
         return np.where(theta < np.pi / 2, self.distorted_angle(inside) / np.tan(inside), 0.0)

@@ -1,4 +1,4 @@
-"""What is asked: threats to localize, hosts to do it with, and the rules (letter, section IV; design, sections 3 and 4)."""
+"""What is asked: threats to localize, hosts to do it with, and the rules (letter, section IV)."""
 
 from dataclasses import dataclass, field
 from enum import StrEnum

@@ -1,0 +1,180 @@
+"""Algorithm 3: the letter's HSOP method, the fewest hosts first; every pair set and camera choice solved by itself."""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from itertools import islice, product
+
+import numpy as np
+
+from hsop_gcs.placement.covering import CoveringPoses
+from hsop_gcs.placement.feasibility import CENTRAL, PERIPHERAL, Screen, members
+from hsop_gcs.placement.instance import FloatArray, Instance
+from hsop_gcs.placement.interior_point import INSIDE, Solution, margins, solve
+from hsop_gcs.placement.pair_sets import PairSet, all_pair_sets, observed_threats, observer_pair_sets
+from hsop_gcs.placement.terms import IntArray, Views
+
+CHUNK = 128
+"""Pair sets with cameras that are solved together."""
+STARTS = 1024
+"""Starts of a chunk, shared out evenly."""
+DRAWS_PER_START = 10
+"""Random placements looked at for each start."""
+ROUGH_BARRIERS = (1e-1, 1e-2)
+FINE_BARRIERS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+REFINED = 48
+"""Rough solutions of a chunk that are worth solving to the end."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A pair set with the cameras of each host."""
+
+    pair_set: PairSet
+    central: tuple[int, ...]
+    """For each host the threats, as a bit mask, that it observes with its central camera; the others by a fisheye."""
+
+    def camera(self, host: int, threat: int) -> int:
+        return CENTRAL if self.central[host] >> threat & 1 else PERIPHERAL
+
+
+@dataclass(frozen=True, slots=True)
+class Best:
+    """A choice with the poses found for it: (hosts, 4) east, north, heading, pan; metres, radians."""
+
+    choice: Choice
+    poses: FloatArray
+    cost: float
+
+
+class Search:
+    """What one run of Algorithm 3 knows: the instance, its screen, its pool of poses and the best placement so far."""
+
+    def __init__(
+        self,
+        instance: Instance,
+        *,
+        seed: int,
+        deadline: float,
+        now: Callable[[], float],
+        observers: tuple[int, ...] | None = None,
+        choose_cameras: "Callable[[int, CoveringPoses], Iterable[int]] | None" = None,
+    ) -> None:
+        self.instance = instance
+        self.screen = Screen(instance)
+        self.poses = CoveringPoses(instance, self.screen, seed)
+        self.rng = np.random.default_rng(seed)
+        self.deadline = deadline
+        self.now = now
+        self.observers = observers
+        self.choose_cameras = choose_cameras or (lambda mask, poses: poses.screen.camera_choices(mask))
+        self.best: Best | None = None
+
+    def late(self) -> bool:
+        return self.now() >= self.deadline
+
+    def feasible_pair_sets(self, n_hosts: int) -> Iterator[PairSet]:
+        """Yield the pair sets that use all hosts and give each of them threats it was found to see (Algorithm 2)."""
+
+        def feasible(pair_set: PairSet) -> bool:
+            masks = observed_threats(pair_set)
+            return self.screen.feasible(pair_set) and all(self.poses.covers(masks[host]) for host in pair_set[-1])
+
+        if self.observers is None:
+            yield from all_pair_sets(len(self.instance.points_m), n_hosts, feasible)
+            return
+        for pair_set in observer_pair_sets(self.observers, n_hosts, feasible):
+            if 0 not in observed_threats(pair_set) and len(observed_threats(pair_set)) == n_hosts:
+                yield pair_set
+
+    def choices(self, pair_set: PairSet) -> Iterator[Choice]:
+        """Yield the pair set with every useful combination of cameras, once where hosts see the same threats."""
+        masks = observed_threats(pair_set)
+        options = [
+            [c for c in self.choose_cameras(mask, self.poses) if len(self.poses.poses(mask, c))] for mask in masks
+        ]
+        for central in product(*options):
+            twins_in_order = all(
+                central[i] <= central[j] for j in range(len(masks)) for i in range(j) if masks[i] == masks[j]
+            )
+            if twins_in_order or self.observers is not None:
+                yield Choice(pair_set, central)
+
+    def cannot_win(self, choice: Choice) -> bool:
+        """Return whether no poses can make the choice cheaper than the best placement known.
+
+        Nobody is nearer than the safety distance, and no sine exceeds 1.
+        """
+        if self.best is None:
+            return False
+        nearest = self.instance.safety_distance_m
+        bound = 0.0
+        for threat, pair in enumerate(choice.pair_set):
+            share = 2.0 * float(self.instance.weights[threat])
+            for host in pair:
+                camera = choice.camera(host, threat)
+                swell = self.instance.best_relative_size if camera == PERIPHERAL else 1.0
+                share *= nearest**2 / (float(self.instance.scale[camera, threat]) * swell)
+            bound += share
+        return bound >= self.best.cost
+
+    def solve_all(self, n_hosts: int) -> Best | None:
+        """Solve every feasible pair set of ``n_hosts`` with every useful choice of cameras; return the best placement.
+
+        Stops at the deadline with what it has, but not before one chunk is solved.
+        """
+        self.best = None
+        waiting = (choice for pair_set in self.feasible_pair_sets(n_hosts) for choice in self.choices(pair_set))
+        while chunk := list(islice((choice for choice in waiting if not self.cannot_win(choice)), CHUNK)):
+            self.solve_chunk(chunk)
+            if self.late():
+                break
+        return self.best
+
+    def solve_chunk(self, chunk: list[Choice]) -> None:
+        """Solve choices together: draw starts from the hosts' poses, solve them roughly, and the best to the end."""
+        start, of_choice = self.starts(chunk, STARTS // len(chunk))
+        views = views_of(chunk).rows(of_choice)
+        rough = solve(self.instance, start, views, barriers=ROUGH_BARRIERS, steps=40)
+        best = np.argsort(rough.cost, kind="stable")[:REFINED]
+        best = best[np.isfinite(rough.cost[best])]
+        self.keep(chunk, rough, of_choice)
+        self.keep(
+            chunk, solve(self.instance, rough.batch[best], views.rows(best), barriers=FINE_BARRIERS), of_choice[best]
+        )
+
+    def starts(self, chunk: list[Choice], per_choice: int) -> tuple[FloatArray, IntArray]:
+        """Draw poses for every choice of a chunk and return the most promising.
+
+        Returns the placements, (choices × per_choice, hosts, 4), and for each of them the number of its choice.
+        """
+        draws = DRAWS_PER_START * per_choice
+        drawn = []
+        for choice in chunk:
+            masks = observed_threats(choice.pair_set)
+            pools = [self.poses.poses(mask, central) for mask, central in zip(masks, choice.central, strict=True)]
+            drawn.append(np.stack([pool[self.rng.integers(len(pool), size=draws)] for pool in pools], axis=1))
+        batch = np.concatenate(drawn)
+        of_choice = np.arange(len(chunk))
+        terms = margins(self.instance, batch, views_of(chunk).rows(np.repeat(of_choice, draws)))
+        merit = np.where(terms.margin >= INSIDE, terms.log_cost, terms.log_cost + 100 + terms.shaped)
+        promising = np.argsort(merit.reshape(len(chunk), draws), axis=1, kind="stable")[:, :per_choice]
+        return batch[(promising + draws * of_choice[:, None]).ravel()], np.repeat(of_choice, per_choice)
+
+    def keep(self, chunk: list[Choice], solution: Solution, of_choice: IntArray) -> None:
+        """Constraints-Check, and remember the solution if it is the cheapest so far (Algorithm 3, lines 7-9)."""
+        if not len(solution.cost):
+            return
+        winner = int(solution.cost.argmin())
+        cost = float(solution.cost[winner])
+        if np.isfinite(cost) and (self.best is None or cost < self.best.cost):
+            self.best = Best(chunk[of_choice[winner]], solution.batch[winner], cost)
+
+
+def views_of(choices: list[Choice]) -> Views:
+    """Return the views of a batch that holds each choice once."""
+    n_threats = len(choices[0].pair_set)
+    return Views(
+        np.repeat(np.arange(n_threats), 2),
+        np.array([[host for pair in c.pair_set for host in pair] for c in choices]),
+        np.array([[c.camera(h, t) for t, pair in enumerate(c.pair_set) for h in pair] for c in choices]),
+    )
