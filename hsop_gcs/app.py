@@ -21,9 +21,10 @@ from hsop_gcs.settings import Settings
 async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
     """Open the link and the solver and keep the mission moving; everything is closed on the way out."""
     fleet = settings.to_fleet()
+    endpoints = sorted({host.connection for host in fleet.hosts})
     async with AsyncExitStack() as stack:
         solver = await stack.enter_async_context(Solver())
-        link = await stack.enter_async_context(Link({host.system_id: host.connection for host in fleet.hosts}))
+        link = await stack.enter_async_context(Link(endpoints, [host.system_id for host in fleet.hosts]))
         mission = Mission(
             fleet=fleet,
             site=settings.to_site(),

@@ -217,6 +217,23 @@ class PlanningHealth(BaseModel):
     fault: str | None
 
 
+class LinkHealth(BaseModel):
+    """Frames and datagrams since the service started."""
+
+    received: int
+    sent: int
+    bad_frames: int
+    unknown_messages: int
+    lost: int
+    not_in_fleet: int
+    refused: int
+    peers_turned_away: int
+    dropped_datagrams: int
+    send_errors: int
+    strangers: list[str]
+    """Systems that are heard and not in the fleet."""
+
+
 class HealthOut(BaseModel):
     status: Literal["ok", "degraded"]
     problems: list[str]
@@ -228,4 +245,4 @@ class HealthOut(BaseModel):
     hosts_available: int
     reports: ReportCounts
     planning: PlanningHealth
-    link: dict[str, Any]
+    link: LinkHealth

@@ -1,5 +1,7 @@
 """The mission's values as the API shows them."""
 
+import math
+from dataclasses import asdict
 from datetime import UTC, datetime
 
 import numpy as np
@@ -9,6 +11,7 @@ from hsop_gcs.api.schemas import (
     HealthOut,
     HostOut,
     HoverOut,
+    LinkHealth,
     OrderOut,
     PlanningHealth,
     PlanOut,
@@ -22,6 +25,7 @@ from hsop_gcs.assignment import HostOrder
 from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.fleet import Host
 from hsop_gcs.geometry.frames import Aim, GeodeticPoint
+from hsop_gcs.link.pump import Link
 from hsop_gcs.mission.controller import Mission
 from hsop_gcs.mission.dispatch import OrderProgress
 from hsop_gcs.mission.state import Plan
@@ -50,8 +54,8 @@ def threat_out(track: Track, mission: Mission) -> ThreatOut:
 
 
 def host_out(host: Host, mission: Mission) -> HostOut:
-    state = mission.vehicle_state(host)
-    reason = mission.unavailable().get(host.id)
+    state = mission.vehicle(host).state
+    reason = mission.vehicle(host).why_not_ready(mission.link.now())
     local = None if state.position is None else mission.site.frame.to_enu(state.position).tolist()
     progress = mission.progress.get(host.id)
     return HostOut(
@@ -89,6 +93,8 @@ def plans_out(mission: Mission) -> PlansOut:
 def health_out(mission: Mission, started_at_s: float) -> HealthOut:
     unavailable = mission.unavailable()
     problems = [f"host {host_id}: {reason}" for host_id, reason in unavailable.items()]
+    if not mission.link.running:
+        problems.append("link: the pump has stopped")
     if mission.solver_fault is not None:
         problems.append(f"planning: {mission.solver_fault}")
     if mission.state.failed is not None:
@@ -109,7 +115,16 @@ def health_out(mission: Mission, started_at_s: float) -> HealthOut:
             last_solve_s=None if newest is None else newest.decision.placement.solve_time_s,
             fault=mission.solver_fault,
         ),
-        link=mission.link.health(),
+        link=_link(mission.link),
+    )
+
+
+def _link(link: Link) -> LinkHealth:
+    return LinkHealth(
+        **asdict(link.counters),
+        dropped_datagrams=link.dropped_datagrams,
+        send_errors=link.send_errors,
+        strangers=[f"{each.system}/{each.component} at {each.peer.host}:{each.peer.port}" for each in link.strangers],
     )
 
 
@@ -141,7 +156,9 @@ def _hover(order: HostOrder, mission: Mission) -> HoverOut:
 
 
 def _order(host: Host, progress: OrderProgress, mission: Mission) -> OrderOut:
-    errors = mission.link.order_errors(host.system_id)
+    errors = mission.vehicle(host).progress
+    if errors is not None and errors.order.order_id != progress.order_id:
+        errors = None
     return OrderOut(
         order_id=progress.order_id,
         plan_id=progress.plan_id,
@@ -151,10 +168,14 @@ def _order(host: Host, progress: OrderProgress, mission: Mission) -> OrderOut:
         heading_deg=progress.order.heading_deg,
         aim=_aim(progress.order.aim),
         views=_views(progress.order.views),
-        hover_error_m=errors.hover_m,
-        heading_error_deg=errors.heading_deg,
-        gimbal_error_deg=errors.gimbal_deg,
+        hover_error_m=None if errors is None else _distance(errors.horizontal_error_m, errors.vertical_error_m),
+        heading_error_deg=None if errors is None else errors.heading_error_deg,
+        gimbal_error_deg=None if errors is None or progress.order.aim is None else errors.gimbal_error_deg,
     )
+
+
+def _distance(horizontal_m: float | None, vertical_m: float | None) -> float | None:
+    return None if horizontal_m is None or vertical_m is None else math.hypot(horizontal_m, vertical_m)
 
 
 def _position(point: GeodeticPoint) -> PositionOut:

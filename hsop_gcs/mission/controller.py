@@ -15,9 +15,9 @@ from hsop_gcs.assignment.orders import clearance_m
 from hsop_gcs.errors import BadInput, NotKnown, Refused
 from hsop_gcs.fleet import Fleet, Host
 from hsop_gcs.link.events import Event, OrderEvent
-from hsop_gcs.link.protocol.telemetry import VehicleState
 from hsop_gcs.link.pump import Link
-from hsop_gcs.mission.dispatch import OrderProgress, hover_order, mover_of, progressed, why_unavailable
+from hsop_gcs.link.vehicle import Vehicle
+from hsop_gcs.mission.dispatch import OrderProgress, hover_order, mover_of, progressed
 from hsop_gcs.mission.pipeline import PlanningRules, Situation
 from hsop_gcs.mission.solver import Solver
 from hsop_gcs.mission.state import (
@@ -138,12 +138,14 @@ class Mission:
             self.autonomy = Autonomy.CONFIRM
         return [host.id for host in hosts]
 
-    def vehicle_state(self, host: Host) -> VehicleState:
-        return self.link.state(host.system_id)
+    def vehicle(self, host: Host) -> Vehicle:
+        """Return the host's end of the link: its telemetry and how its order stands."""
+        return self.link.vehicles[host.system_id]
 
     def unavailable(self) -> dict[str, str]:
         """Return why each host that cannot be sent cannot be sent."""
-        reasons = {host.id: why_unavailable(self.vehicle_state(host)) for host in self.fleet.hosts}
+        now = self.link.now()
+        reasons = {host.id: self.vehicle(host).why_not_ready(now) for host in self.fleet.hosts}
         return {host_id: reason for host_id, reason in reasons.items() if reason is not None}
 
     # What time brings
@@ -249,11 +251,11 @@ class Mission:
             self._changed.set()
 
     def _movers(self) -> tuple[Mover, ...]:
-        states = [(host, self.vehicle_state(host)) for host in self.fleet.hosts]
+        unavailable = self.unavailable()
         return tuple(
-            mover_of(host.id, state, self.site.frame, self.fleet.limits)
-            for host, state in states
-            if why_unavailable(state) is None
+            mover_of(host.id, self.vehicle(host).state, self.site.frame, self.fleet.limits)
+            for host in self.fleet.hosts
+            if host.id not in unavailable
         )
 
     def _threats_now(self, now_s: float) -> tuple[Threat, ...]:

@@ -22,8 +22,8 @@ from hsop_gcs.link.events import (
     OrderSuperseded,
     TookOff,
 )
+from hsop_gcs.link.protocol.hover import HoverOrder
 from hsop_gcs.link.protocol.telemetry import VehicleState
-from hsop_gcs.link.vehicle import HoverOrder
 
 
 class OrderStatus(StrEnum):
@@ -46,23 +46,6 @@ class OrderProgress:
     order: HostOrder
     status: OrderStatus = OrderStatus.SENT
     note: str = ""
-
-
-def why_unavailable(state: VehicleState) -> str | None:
-    """Return why a host cannot be sent to a hover point now, or None if it can."""
-    if state.last_heard_s is None:
-        return "not heard yet"
-    if not state.link_up:
-        return "link lost"
-    if state.position is None:
-        return "position unknown"
-    if state.home is None:
-        return "home unknown"
-    if not state.armed:
-        return "not armed"
-    if not state.in_air:
-        return "on the ground"
-    return None
 
 
 def mover_of(host_id: str, state: VehicleState, frame: LocalFrame, limits: FlightLimits) -> Mover:

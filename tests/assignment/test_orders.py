@@ -1,0 +1,105 @@
+"""Orders: safe flights, and cameras aimed in three dimensions."""
+
+import math
+
+import pytest
+
+from hsop_gcs.assignment import Mover, NoSafeFlight, orders_for
+from hsop_gcs.assignment.orders import HostOrder, clearance_m
+from hsop_gcs.cameras.rig import CameraKind
+from hsop_gcs.placement.problem import Formulation, Objective, Point, Threat
+from hsop_gcs.placement.solution import HoverPose, Placement, Status, ThreatPair, View
+
+CENTIMETRE = 0.01
+
+
+def mover(name: str, *position_m: float) -> Mover:
+    east, north, up = position_m
+    return Mover(id=name, position_m=(east, north, up), speed_mps=10.0)
+
+
+def placement(*poses: HoverPose, camera: CameraKind = CameraKind.CENTRAL) -> Placement:
+    views = (View(host=poses[0].host, camera=camera), View(host=poses[1].host, camera=camera))
+    return Placement(
+        status=Status.FEASIBLE,
+        formulation=Formulation.OPERATIONAL,
+        objective=Objective.LETTER,
+        hosts=poses,
+        pairs=(ThreatPair(threat="t1", views=views, cost=1.0),),
+    )
+
+
+def pose(name: str, position_m: Point, pan_deg: float | None) -> HoverPose:
+    return HoverPose(host=name, position_m=position_m, heading_deg=10.0, pan_deg=pan_deg)
+
+
+THREAT = Threat(id="t1", position_m=(0.0, 0.0, 50.0))
+PLACEMENT = placement(pose("a", (0.0, -30.0, 20.0), 0.0), pose("b", (-40.0, 0.0, 50.0), 90.0))
+
+
+def ordered(movers: tuple[Mover, ...], threat: Threat = THREAT) -> tuple[HostOrder, ...] | NoSafeFlight:
+    return orders_for(
+        PLACEMENT, movers, threats_now=(threat,), threats_then=(threat,), horizon_s=10.0, safety_distance_m=20.0
+    )
+
+
+def test_each_hover_point_goes_to_the_host_that_is_near() -> None:
+    orders = ordered((mover("h1", -60, 0, 50), mover("h2", 0, -60, 20)))
+    assert not isinstance(orders, NoSafeFlight)
+    assert {order.host: order.position_m for order in orders} == {"h2": (0, -30, 20), "h1": (-40, 0, 50)}
+
+
+def test_a_host_below_its_threat_tilts_its_camera_up() -> None:
+    orders = ordered((mover("h1", -60, 0, 50), mover("h2", 0, -60, 20)))
+    assert not isinstance(orders, NoSafeFlight)
+    aims = {order.host: order.aim for order in orders}
+    assert aims["h2"] is not None
+    assert (aims["h2"].pan_deg, aims["h2"].tilt_deg) == pytest.approx((0.0, 45.0))
+    assert aims["h1"] is not None
+    assert aims["h1"].tilt_deg == pytest.approx(0.0)
+
+
+def test_a_plan_that_uses_no_central_camera_aims_none() -> None:
+    peripheral = placement(*PLACEMENT.hosts, camera=CameraKind.PERIPHERAL)
+    orders = orders_for(
+        peripheral,
+        (mover("h1", -60, 0, 50), mover("h2", 0, -60, 20)),
+        threats_now=(THREAT,),
+        threats_then=(THREAT,),
+        horizon_s=10.0,
+        safety_distance_m=20.0,
+    )
+    assert not isinstance(orders, NoSafeFlight)
+    assert [order.aim for order in orders] == [None, None]
+
+
+def test_a_host_is_not_sent_past_a_threat() -> None:
+    orders = ordered((mover("h1", 60, 0, 50), mover("h2", 60, -5, 50), mover("h3", -10, -70, 30)))
+    assert not isinstance(orders, NoSafeFlight)
+    assert next(order.host for order in orders if order.position_m == (-40.0, 0.0, 50.0)) == "h3"
+
+
+def test_no_orders_when_every_way_leads_past_a_threat() -> None:
+    refused = ordered((mover("h1", 60, 0, 50), mover("h2", 60, -5, 50)))
+    assert isinstance(refused, NoSafeFlight)
+    assert "20 m from all threats" in refused.reason
+
+
+def test_too_few_hosts_is_said_so() -> None:
+    refused = ordered((mover("h1", -60, 0, 50),))
+    assert isinstance(refused, NoSafeFlight)
+    assert "needs 2 hosts; 1 can be sent" in refused.reason
+
+
+def test_clearance_counts_where_the_threat_is_at_that_moment() -> None:
+    flying = mover("h1", -100, 0, 50)
+    crossing = Threat(id="t1", position_m=(0.0, -100.0, 50.0), velocity_mps=(0.0, 10.0, 0.0))
+    assert clearance_m(flying, (100.0, 0.0, 50.0), (crossing,), horizon_s=20.0) == pytest.approx(0, abs=1 * CENTIMETRE)
+    late = Threat(id="t1", position_m=(0.0, -100.0, 50.0), velocity_mps=(0.0, 1.0, 0.0))
+    assert clearance_m(flying, (100.0, 0.0, 50.0), (late,), horizon_s=20.0) > 80
+
+
+def test_a_host_caught_inside_the_safety_distance_may_fly_out() -> None:
+    caught = mover("h1", -5, 0, 50)
+    assert math.isinf(clearance_m(caught, (-40.0, 0.0, 50.0), (THREAT,), horizon_s=10.0))
+    assert clearance_m(caught, (40.0, 0.0, 50.0), (THREAT,), horizon_s=10.0) < 5

@@ -1,0 +1,124 @@
+"""When a plan is due, and what becomes of it."""
+
+import pytest
+
+from hsop_gcs.assignment import HostOrder
+from hsop_gcs.mission.pipeline import Decision
+from hsop_gcs.mission.state import (
+    MissionState,
+    ReplanRules,
+    ready,
+    replan_reason,
+    with_decision,
+    with_proposal_flying,
+)
+from hsop_gcs.placement.problem import Formulation, Objective, Point, Threat
+from hsop_gcs.placement.solution import Placement, Status
+from hsop_gcs.reports import Report
+from hsop_gcs.tracks import Track
+from hsop_gcs.tracks.track import begin
+
+RULES = ReplanRules(horizon_s=10.0, departure_m=5.0)
+HOSTS = frozenset({"h1", "h2"})
+
+
+def track(name: str, time_s: float, east: float, velocity: Point | None = (1.0, 0.0, 0.0)) -> Track:
+    report = Report(source="radar", threat_id=name, time_s=time_s, position_m=(east, 0.0, 40.0), velocity_mps=velocity)
+    return begin(name, report, default_size_m=1.0)
+
+
+def decision(*threats: Threat, orders: bool = True) -> Decision:
+    made = tuple(HostOrder(host=host, position_m=(0, 0, 40), heading_deg=0, aim=None, views=()) for host in HOSTS)
+    status = Status.FEASIBLE if orders else Status.INFEASIBLE
+    placement = Placement(status=status, formulation=Formulation.OPERATIONAL, objective=Objective.LETTER)
+    return Decision(
+        placement=placement,
+        threats=threats,
+        window_start_s=105.0,
+        orders=made if orders else (),
+        reason="" if orders else "too far apart",
+    )
+
+
+def planned(orders: bool = True) -> MissionState:
+    """A plan made at 100 s for one threat that is at 5 m east when its window starts at 105 s."""
+    threat = Threat(id="t1", position_m=(5.0, 0.0, 40.0), velocity_mps=(1.0, 0.0, 0.0))
+    return with_decision(
+        MissionState(), decision(threat, orders=orders), trigger="threat t1 appeared", now_s=100.0, horizon_s=10.0
+    )
+
+
+def test_a_first_threat_asks_for_a_plan() -> None:
+    assert replan_reason(MissionState(), (track("t1", 100, 0),), HOSTS, 100.0, RULES) == "threat t1 appeared"
+
+
+def test_without_threats_there_is_nothing_to_plan() -> None:
+    assert replan_reason(planned(), (), HOSTS, 200.0, RULES) is None
+
+
+def test_a_threat_that_keeps_to_its_prediction_asks_for_nothing() -> None:
+    for now_s in (100.0, 107.0, 114.9):
+        assert replan_reason(planned(), (track("t1", now_s, now_s - 100.0),), HOSTS, now_s, RULES) is None
+
+
+@pytest.mark.parametrize(
+    ("tracks", "hosts", "now_s", "reason"),
+    [
+        ((track("t1", 108, 8), track("t2", 108, 50)), HOSTS, 108.0, "threat t2 appeared"),
+        ((track("t2", 108, 50),), HOSTS, 108.0, "threat t2 appeared"),
+        ((track("t1", 108, 20),), HOSTS, 108.0, "threat t1 is 12 m from its prediction"),
+        ((track("t1", 116, 16),), HOSTS, 116.0, "the horizon has run out"),
+        ((track("t1", 108, 8),), frozenset({"h1"}), 108.0, "host h2 is not available any more"),
+    ],
+)
+def test_a_plan_is_due_when(tracks: tuple[Track, ...], hosts: frozenset[str], now_s: float, reason: str) -> None:
+    assert replan_reason(planned(), tracks, hosts, now_s, RULES) == reason
+
+
+def test_a_threat_that_left_asks_for_a_plan_without_it() -> None:
+    both = decision(
+        Threat(id="t1", position_m=(5.0, 0.0, 40.0), velocity_mps=(1.0, 0.0, 0.0)),
+        Threat(id="t2", position_m=(90.0, 0.0, 40.0)),
+    )
+    state = with_decision(MissionState(), both, trigger="", now_s=100.0, horizon_s=10.0)
+    assert replan_reason(state, (track("t1", 101, 1),), HOSTS, 101.0, RULES) == "threat t2 left"
+
+
+def test_a_coarse_report_off_by_its_own_sigma_is_no_departure() -> None:
+    report = Report(source="r", threat_id="t1", time_s=108.0, position_m=(20.0, 0.0, 40.0), sigma_m=5.0)
+    coarse = begin("t1", report, default_size_m=1.0)
+    assert replan_reason(planned(), (coarse,), HOSTS, 108.0, RULES) is None
+
+
+def test_after_a_failure_the_next_try_waits() -> None:
+    failed = planned(orders=False)
+    assert failed.failed is not None
+    assert failed.proposed is None
+    assert replan_reason(failed, (track("t1", 101, 1),), HOSTS, 101.0, RULES) is None
+    assert replan_reason(failed, (track("t1", 102, 2),), HOSTS, 102.1, RULES) == "no plan yet"
+
+
+def test_an_approved_plan_flies_and_a_failure_after_it_leaves_it_flying() -> None:
+    flying = with_proposal_flying(planned())
+    assert flying.flying is not None
+    assert flying.proposed is None
+    after = with_decision(flying, decision(orders=False), trigger="", now_s=110.0, horizon_s=10.0)
+    assert after.flying is flying.flying
+    assert after.failed is not None
+
+
+def test_a_newer_plan_replaces_a_proposal() -> None:
+    newer = with_decision(planned(), decision(), trigger="", now_s=111.0, horizon_s=10.0)
+    assert newer.proposed is not None
+    assert newer.proposed.id == "P2"
+
+
+def test_nothing_to_approve_is_a_caller_s_mistake() -> None:
+    with pytest.raises(ValueError, match="no plan is proposed"):
+        with_proposal_flying(MissionState())
+
+
+def test_a_threat_without_a_velocity_is_given_a_moment_to_show_one() -> None:
+    unknown = track("t1", 100, 0, velocity=None)
+    assert ready((unknown,), 100.5, RULES) == ()
+    assert ready((unknown,), 102.0, RULES) == (unknown,)

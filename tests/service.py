@@ -1,0 +1,80 @@
+"""A running service for tests: real HTTP, real UDP, in a thread of its own."""
+
+import asyncio
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import httpx2
+
+from hsop_gcs.app import running_service
+from hsop_gcs.settings import Settings
+
+ORIGIN = {"lat_deg": 47.397742, "lon_deg": 8.545594, "altitude_amsl_m": 488.0}
+
+
+def settings(hosts: int = 2, udp_port: int = 0, **planning: Any) -> Settings:
+    """A fleet that listens on one UDP port; 0 is any free one, where nobody will ever call."""
+    return Settings.model_validate(
+        {
+            "site": {"origin": ORIGIN},
+            "service": {"port": 0},
+            "planning": planning,
+            "hosts": [
+                {"id": f"h{n}", "system_id": n, "connection": f"udpin:127.0.0.1:{udp_port}"}
+                for n in range(1, hosts + 1)
+            ],
+        }
+    )
+
+
+@contextmanager
+def service(wanted: Settings) -> Iterator[httpx2.Client]:
+    """Run the service and yield a client of it."""
+    ready: Future[tuple[str, Callable[[], None]]] = Future()
+
+    async def run() -> None:
+        stop = asyncio.Event()
+        loop = asyncio.get_running_loop()
+        async with running_service(wanted) as address:
+            ready.set_result((address, lambda: loop.call_soon_threadsafe(stop.set)))
+            await stop.wait()
+
+    with ThreadPoolExecutor(1) as pool:
+        running = pool.submit(asyncio.run, run())
+        wait([ready, running], return_when=FIRST_COMPLETED)
+        if running.done():
+            running.result()
+        address, stop = ready.result()
+        try:
+            with httpx2.Client(base_url=address, timeout=10) as client:
+                yield client
+        finally:
+            if not running.done():
+                stop()
+            running.result()
+
+
+def report(threat_id: str = "t1", *, late_s: float = 0.0, **changes: Any) -> dict[str, Any]:
+    """A good report of a threat 100 m north of the origin, with top-level fields replaced."""
+    good = {
+        "source": "radar",
+        "threat_id": threat_id,
+        "time": (datetime.now(UTC) - timedelta(seconds=late_s)).isoformat(),
+        "position": {
+            "lat_deg": ORIGIN["lat_deg"] + 0.0009,
+            "lon_deg": ORIGIN["lon_deg"],
+            "altitude_m": 528.0,
+            "altitude_datum": "amsl",
+        },
+        "velocity": {"east_mps": 0.5, "north_mps": -0.5, "up_mps": 0.0},
+    }
+    return good | changes
+
+
+def position(**changes: Any) -> dict[str, Any]:
+    """The good report's position with fields replaced."""
+    changed: dict[str, Any] = report()["position"] | changes
+    return {name: value for name, value in changed.items() if value is not None}
