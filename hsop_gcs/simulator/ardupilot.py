@@ -20,7 +20,6 @@ from hsop_gcs.link.enums import (
     MavAutopilot,
     MavCmd,
     MavFrame,
-    MavLandedState,
     MavModeFlag,
     MavResult,
     MavSeverity,
@@ -116,6 +115,7 @@ class ArduCopter(Vehicle):
         self.mode = Mode.GUIDED if config.airborne_m > 0 else Mode.STABILIZE
         self._speed_mps: float | None = None
         self._paused: FlightGoal | None = None
+        self._climb: FlightGoal | None = None
         self._idle_since: float | None = None
         self._yaw_aligned = config.airborne_m > 0
         self._complain_at = now + _FIRST_COMPLAINT_S
@@ -267,6 +267,7 @@ class ArduCopter(Vehicle):
         if self.mode != Mode.GUIDED or not self.armed or self.in_air or not up_m > self.state.position_m[2]:
             return MavResult.FAILED
         self.take_off_to(up_m)
+        self._climb = self.goal
         return MavResult.ACCEPTED
 
     def _reposition(self, order: Order) -> MavResult:
@@ -481,8 +482,8 @@ class ArduCopter(Vehicle):
         return ExtendedSysState(vtol_state=3, landed_state=self.landed)
 
     def _position_target(self) -> PositionTargetGlobalInt | None:
-        """Only while a position is flown to; taking off is none."""
-        if self.goal is None or not self.in_air or self.landed == MavLandedState.TAKEOFF:
+        """Only while a position is flown to; a take-off is none, not even when it is over."""
+        if self.goal is None or not self.in_air or self.goal is self._climb:
             return None
         place = self.local.to_geodetic(np.array(self.goal.position_m))
         return PositionTargetGlobalInt(
