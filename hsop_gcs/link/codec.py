@@ -23,7 +23,11 @@ _CLASSES: dict[int, type[Message]] = {
     for cls in vars(messages).values()
     if isinstance(cls, type) and issubclass(cls, Message) and hasattr(cls, "ID")
 }
-_FIELDS = {cls: tuple(field.name for field in fields(cls)) for cls in _CLASSES.values()}
+# Of a text, pymavlink's plain attribute holds ASCII only; its raw twin holds the bytes.
+_FIELDS = {
+    cls: tuple((field.name, f"_{field.name}_raw" if field.type is str else field.name) for field in fields(cls))
+    for cls in _CLASSES.values()
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,6 +97,11 @@ class Decoder:
         frames, self._rest = self._scan(self._rest + data, more_may_come=True)
         return frames
 
+    @property
+    def pending_bytes(self) -> int:
+        """How much of an incomplete frame a stream has left behind; less than one longest frame."""
+        return len(self._rest)
+
     def _scan(self, data: bytes, *, more_may_come: bool) -> tuple[list[Frame], bytes]:
         frames: list[Frame] = []
         at = 0
@@ -135,7 +144,7 @@ class Decoder:
         if cls is None or not verified:
             message = Unknown(message_id=message_id)
         else:
-            message = cls(**{name: _from_wire(getattr(wire, name)) for name in _FIELDS[cls]})
+            message = cls(**{name: _from_wire(getattr(wire, attribute)) for name, attribute in _FIELDS[cls]})
         system, component, sequence = (raw[5], raw[6], raw[4]) if version_2 else (raw[3], raw[4], raw[2])
         return Frame(message=message, system=system, component=component, sequence=sequence, raw=raw, verified=verified)
 
@@ -172,5 +181,5 @@ def _to_wire(value: object) -> object:
 
 def _from_wire(value: object) -> object:
     if isinstance(value, bytes):
-        return value.rstrip(b"\0").decode(errors="replace")
+        return value.split(b"\0", 1)[0].decode(errors="replace")
     return tuple(value) if isinstance(value, list) else value

@@ -19,7 +19,7 @@ class LinkUp(Event):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkLost(Event):
-    """No heartbeat for longer than allowed. The vehicle keeps flying what it was ordered."""
+    """Nothing was heard for longer than allowed. The vehicle keeps flying what it was ordered."""
 
     silent_s: float
 

@@ -10,17 +10,19 @@ from hsop_gcs.link.codec import STX_V1, STX_V2, Decoder, Frame
 
 _STAMP_BYTES = 8
 _SIGNED = 0x01
+_DAY_US = 86_400 * 1_000_000
 
 
 def read_tlog(file: BinaryIO) -> Iterator[tuple[float, Frame]]:
     """Yield (seconds since the Unix epoch, frame) in the order of the file.
 
     A record that was cut off at the end of the file ends the reading; a record whose frame does not decode is left out;
-    bytes that are no record are skipped until a stamp is followed by a start byte again.
+    bytes that are no record are skipped until a frame follows a stamp less than a day from the one before.
     """
     data = file.read()
     decoder = Decoder()
     at = 0
+    last_us: int | None = None
     while at + _STAMP_BYTES + 3 <= len(data):
         start = at + _STAMP_BYTES
         if data[start] == STX_V2:
@@ -30,13 +32,14 @@ def read_tlog(file: BinaryIO) -> Iterator[tuple[float, Frame]]:
         else:
             at += 1
             continue
-        if start + length > len(data):
-            return
+        stamp_us = int.from_bytes(data[at:start], "big")
         frames = decoder.feed_datagram(data[start : start + length])
-        if len(frames) != 1 or len(frames[0].raw) != length:
+        plausible = last_us is None or abs(stamp_us - last_us) < _DAY_US
+        if not plausible or len(frames) != 1 or len(frames[0].raw) != length:
             at += 1
             continue
-        yield int.from_bytes(data[at:start], "big") / 1e6, frames[0]
+        yield stamp_us / 1e6, frames[0]
+        last_us = stamp_us
         at = start + length
 
 

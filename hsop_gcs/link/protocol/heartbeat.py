@@ -46,7 +46,7 @@ class OwnHeartbeat:
 
 
 class Presence:
-    """Whether one vehicle is heard. Only heartbeats count: they come from the loop that flies."""
+    """Whether one vehicle is heard. A heartbeat begins a link, whatever its autopilot says keeps it."""
 
     def __init__(self, system: int, *, lost_after_s: float = 3.5) -> None:
         self.system = system
@@ -63,11 +63,11 @@ class Presence:
     def receive(self, message: Message, now: float) -> None:
         """Take a message of the vehicle's autopilot."""
         self.advance(now)
-        if isinstance(message, Heartbeat):
+        if not self.up and isinstance(message, Heartbeat):
+            self.up = True
+            self._events.append(LinkUp(system=self.system))
+        if self.up:
             self.last_heard_s = now
-            if not self.up:
-                self.up = True
-                self._events.append(LinkUp(system=self.system))
 
     def advance(self, now: float) -> None:
         """Notice silence."""

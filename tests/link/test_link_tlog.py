@@ -1,0 +1,54 @@
+"""Telemetry logs, read and written."""
+
+import io
+from pathlib import Path
+
+import pytest
+
+from hsop_gcs.link.codec import Encoder
+from hsop_gcs.link.messages import Attitude, Heartbeat
+from hsop_gcs.link.tlog import TlogWriter, read_tlog
+
+DATA = Path(__file__).parent.parent / "data"
+MICROSECOND = 1e-6
+
+
+def written() -> bytes:
+    encoder, file = Encoder(system=1, component=1), io.BytesIO()
+    writer = TlogWriter(file)
+    writer.write(1_790_000_000.25, encoder.encode(Heartbeat(type=2)))
+    writer.write(1_790_000_000.75, encoder.encode(Attitude(yaw=1.5)))
+    return file.getvalue()
+
+
+def test_what_was_written_is_read_back() -> None:
+    records = list(read_tlog(io.BytesIO(written())))
+    assert [time_s for time_s, _ in records] == pytest.approx([1_790_000_000.25, 1_790_000_000.75], abs=MICROSECOND)
+    assert [frame.message for _, frame in records] == [Heartbeat(type=2), Attitude(yaw=1.5)]
+
+
+def test_a_torn_end_ends_the_reading() -> None:
+    whole = written()
+    for length in range(len(whole) - 1, 29, -1):
+        assert [frame.message for _, frame in read_tlog(io.BytesIO(whole[:length]))] == [Heartbeat(type=2)]
+
+
+def test_a_damaged_record_costs_only_itself() -> None:
+    encoder, file = Encoder(system=1, component=1), io.BytesIO()
+    writer = TlogWriter(file)
+    for number in range(3):
+        writer.write(1_790_000_000.0 + number, encoder.encode(Heartbeat(type=2, custom_mode=1000 + number)))
+    damaged = bytearray(file.getvalue())
+    damaged[len(damaged) // 2] ^= 0xFF
+    found = [frame.message for _, frame in read_tlog(io.BytesIO(bytes(damaged)))]
+    assert found == [Heartbeat(type=2, custom_mode=1000), Heartbeat(type=2, custom_mode=1002)]
+
+
+@pytest.mark.parametrize("name", ["arducopter-4.7.0-dev.tlog", "px4-1.16.0-sih.tlog"])
+def test_a_recording_is_written_back_byte_for_byte(name: str) -> None:
+    original = (DATA / name).read_bytes()
+    copy = io.BytesIO()
+    writer = TlogWriter(copy)
+    for time_s, frame in read_tlog(io.BytesIO(original)):
+        writer.write(time_s, frame.raw)
+    assert copy.getvalue() == original
