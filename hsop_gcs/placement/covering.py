@@ -32,15 +32,28 @@ class CoveringPoses:
 
     def covers(self, mask: int) -> bool:
         """Return whether a pose was found from which one host sees all threats of a set, by whichever cameras."""
-        return any(len(self.poses(mask, central)) for central in self.screen.camera_choices(mask))
+        return len(self.poses(mask, 0)) > 0 or any(
+            len(self.poses(mask, central)) for central in self.screen.camera_choices(mask)
+        )
+
+    def camera_types(self, mask: int) -> list[int]:
+        """Return the letter's choice of cameras (Determine-Camera-Type): all threats by the central camera, else one.
+
+        All that the one could be are returned: the letter takes the closest, and where the host will hover is not known
+        yet; the cheapest solution settles it. Each is a bit mask of the threats left to the central camera.
+        """
+        singles = [1 << threat for threat in members(mask)]
+        for options in ([mask], singles, [0]):
+            if held := [central for central in options if len(self.poses(mask, central))]:
+                return held
+        return []
 
     def _sample_positions(self, mask: int) -> FloatArray:
         """Sample positions within reach of all threats of a set: (n, 2), metres."""
         rng = np.random.default_rng([self.seed, mask])
         threats = members(mask)
         centres = self.instance.points_m[threats].reshape(-1, 2)
-        reach = [max(self.screen.reach_m(camera, t) for camera in (PERIPHERAL, CENTRAL)) for t in threats]
-        radii = np.repeat(reach, 2)[:, None]
+        radii = np.repeat(self.screen.reach_m[:, threats].max(axis=0), 2)[:, None]
         low, high = (centres - radii).max(axis=0), (centres + radii).min(axis=0)
         return np.asarray(rng.uniform(low, np.maximum(low, high), size=(SAMPLES, 2)))
 

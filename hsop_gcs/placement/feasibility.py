@@ -5,10 +5,12 @@ through is decided by poses actually found.
 """
 
 import math
+from collections.abc import Iterator
 from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
+import numpy.typing as npt
 
 from hsop_gcs.placement.instance import FloatArray, Instance
 from hsop_gcs.placement.pair_sets import PairSet, observed_threats
@@ -60,48 +62,45 @@ class Screen:
     def __init__(self, instance: Instance) -> None:
         self.instance = instance
         self.may_see = lru_cache(maxsize=None)(self._may_see)
-        self.camera_choices = lru_cache(maxsize=None)(self._camera_choices)
+        self.reach_m = instance.range_m * np.array([[instance.best_relative_size], [1.0]])
+        """(2 cameras, threats): beyond this distance no pose of a camera detects the threat."""
+        points = instance.points_m.reshape(-1, 2)
+        self._apart_m = np.linalg.norm(points[:, None] - points, axis=2)
+        central = np.repeat(self.reach_m[CENTRAL], 2)
+        self._central_span_m = self.longest_central_span_m(central[:, None], central)
 
-    def reach_m(self, camera: int, threat: int) -> float:
-        """Return the distance beyond which no pose of a camera detects the threat."""
-        best = self.instance.best_relative_size if camera == PERIPHERAL else 1.0
-        return float(self.instance.range_m[camera, threat]) * best
-
-    def longest_central_span_m(self, first_reach_m: float, second_reach_m: float) -> float:
+    def longest_central_span_m(self, first_reach_m: npt.ArrayLike, second_reach_m: npt.ArrayLike) -> FloatArray:
         """Return how far apart two points can be that one aim of the central camera holds.
 
         The span grows with the angle between them, and is convex in either distance: its largest value is at an end.
         """
         nearest = self.instance.safety_distance_m
         cosine = math.cos(2 * self.instance.half_fov_rad)
-        return max(
-            math.sqrt(a * a + b * b - 2 * a * b * cosine)
+        spans = [
+            np.sqrt(np.square(a) + np.square(b) - 2 * np.multiply(a, b) * cosine)
             for a in (nearest, first_reach_m)
             for b in (nearest, second_reach_m)
-        )
+        ]
+        return np.asarray(np.maximum.reduce(np.broadcast_arrays(*spans)))
 
     def _may_see(self, mask: int, central: int) -> bool:
         """Return whether one host may see the threats of ``mask``, those of ``central`` by its central camera."""
-        views = [(threat, CENTRAL if central >> threat & 1 else PERIPHERAL) for threat in members(mask)]
-        reaches = [self.reach_m(camera, threat) for threat, camera in views]
-        if min(reaches) < self.instance.safety_distance_m:
+        threats = np.array(members(mask))
+        by_central = np.array([bool(central >> threat & 1) for threat in threats])
+        reach = np.where(by_central, self.reach_m[CENTRAL, threats], self.reach_m[PERIPHERAL, threats])
+        if reach.min() < self.instance.safety_distance_m:
             return False
-        centres = np.concatenate([self.instance.points_m[threat] for threat, _ in views])
-        if not discs_meet(centres, np.repeat(reaches, 2)):
+        points = np.column_stack([2 * threats, 2 * threats + 1]).ravel()
+        reach, held = np.repeat(reach, 2), points[np.repeat(by_central, 2)]
+        if (self._apart_m[np.ix_(points, points)] > reach[:, None] + reach + SLACK_M).any():
             return False
-        held = [
-            (p, reach)
-            for (t, cam), reach in zip(views, reaches, strict=True)
-            if cam == CENTRAL
-            for p in self.instance.points_m[t]
-        ]
-        return all(
-            math.dist(p, q) <= self.longest_central_span_m(a, b) + SLACK_M for (p, a), (q, b) in combinations(held, 2)
-        )
+        if (self._apart_m[np.ix_(held, held)] > self._central_span_m[np.ix_(held, held)] + SLACK_M).any():
+            return False
+        return discs_meet(self.instance.points_m[threats].reshape(-1, 2), reach)
 
-    def _camera_choices(self, mask: int) -> tuple[int, ...]:
-        """Return the sets of threats within ``mask`` that may be left to the central camera, the fullest first."""
-        return tuple(central for central in subsets(mask) if self.may_see(mask, central))
+    def camera_choices(self, mask: int) -> Iterator[int]:
+        """Yield the sets of threats within ``mask`` that may be left to the central camera, the fullest first."""
+        return (central for central in subsets(mask) if self.may_see(mask, central))
 
     def feasible(self, pair_set: PairSet) -> bool:
         """Return whether the hosts of the last pair may see all that the pair set gives them (Fig. 7's pruning).
@@ -109,4 +108,4 @@ class Screen:
         The other hosts' threats are what they were one level up in the tree.
         """
         masks = observed_threats(pair_set)
-        return all(self.camera_choices(masks[host]) for host in pair_set[-1])
+        return all(any(True for _ in self.camera_choices(masks[host])) for host in pair_set[-1])

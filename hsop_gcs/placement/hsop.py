@@ -1,13 +1,13 @@
 """Algorithm 3: the letter's HSOP method, the fewest hosts first; every pair set and camera choice solved by itself."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import islice, product
 
 import numpy as np
 
 from hsop_gcs.placement.covering import CoveringPoses
-from hsop_gcs.placement.feasibility import CENTRAL, PERIPHERAL, Screen, members
+from hsop_gcs.placement.feasibility import CENTRAL, PERIPHERAL, Screen
 from hsop_gcs.placement.instance import FloatArray, Instance
 from hsop_gcs.placement.interior_point import INSIDE, Solution, margins, solve
 from hsop_gcs.placement.pair_sets import PairSet, all_pair_sets, observed_threats, observer_pair_sets
@@ -56,8 +56,8 @@ class Search:
         seed: int,
         deadline: float,
         now: Callable[[], float],
-        observers: tuple[int, ...] | None = None,
-        choose_cameras: "Callable[[int, CoveringPoses], Iterable[int]] | None" = None,
+        observers: Callable[[int], tuple[int, ...]] | None = None,
+        letters_cameras: bool = False,
     ) -> None:
         self.instance = instance
         self.screen = Screen(instance)
@@ -66,7 +66,7 @@ class Search:
         self.deadline = deadline
         self.now = now
         self.observers = observers
-        self.choose_cameras = choose_cameras or (lambda mask, poses: poses.screen.camera_choices(mask))
+        self.letters_cameras = letters_cameras
         self.best: Best | None = None
 
     def late(self) -> bool:
@@ -76,21 +76,27 @@ class Search:
         """Yield the pair sets that use all hosts and give each of them threats it was found to see (Algorithm 2)."""
 
         def feasible(pair_set: PairSet) -> bool:
+            if self.late() or not self.screen.feasible(pair_set):
+                return False
             masks = observed_threats(pair_set)
-            return self.screen.feasible(pair_set) and all(self.poses.covers(masks[host]) for host in pair_set[-1])
+            return all(self.poses.covers(masks[host]) for host in pair_set[-1])
 
         if self.observers is None:
             yield from all_pair_sets(len(self.instance.points_m), n_hosts, feasible)
             return
-        for pair_set in observer_pair_sets(self.observers, n_hosts, feasible):
-            if 0 not in observed_threats(pair_set) and len(observed_threats(pair_set)) == n_hosts:
+        for pair_set in observer_pair_sets(self.observers(n_hosts), n_hosts, feasible):
+            masks = observed_threats(pair_set)
+            if len(masks) == n_hosts and all(masks):
                 yield pair_set
 
     def choices(self, pair_set: PairSet) -> Iterator[Choice]:
         """Yield the pair set with every useful combination of cameras, once where hosts see the same threats."""
         masks = observed_threats(pair_set)
         options = [
-            [c for c in self.choose_cameras(mask, self.poses) if len(self.poses.poses(mask, c))] for mask in masks
+            self.poses.camera_types(mask)
+            if self.letters_cameras
+            else [c for c in self.screen.camera_choices(mask) if len(self.poses.poses(mask, c))]
+            for mask in masks
         ]
         for central in product(*options):
             twins_in_order = all(
@@ -123,12 +129,17 @@ class Search:
         Stops at the deadline with what it has, but not before one chunk is solved.
         """
         self.best = None
-        waiting = (choice for pair_set in self.feasible_pair_sets(n_hosts) for choice in self.choices(pair_set))
-        while chunk := list(islice((choice for choice in waiting if not self.cannot_win(choice)), CHUNK)):
+        useful = (choice for choice in self.all_choices(n_hosts) if not self.cannot_win(choice))
+        while chunk := list(islice(useful, CHUNK)):
             self.solve_chunk(chunk)
             if self.late():
                 break
         return self.best
+
+    def all_choices(self, n_hosts: int) -> Iterator[Choice]:
+        """Yield every feasible pair set with every choice of cameras."""
+        for pair_set in self.feasible_pair_sets(n_hosts):
+            yield from self.choices(pair_set)
 
     def solve_chunk(self, chunk: list[Choice]) -> None:
         """Solve choices together: draw starts from the hosts' poses, solve them roughly, and the best to the end."""
@@ -142,8 +153,8 @@ class Search:
             chunk, solve(self.instance, rough.batch[best], views.rows(best), barriers=FINE_BARRIERS), of_choice[best]
         )
 
-    def starts(self, chunk: list[Choice], per_choice: int) -> tuple[FloatArray, IntArray]:
-        """Draw poses for every choice of a chunk and return the most promising.
+    def starts(self, chunk: list[Choice], per_choice: int, *, by_cost: bool = True) -> tuple[FloatArray, IntArray]:
+        """Draw poses for every choice of a chunk and return the most promising, by cost or by feasibility alone.
 
         Returns the placements, (choices × per_choice, hosts, 4), and for each of them the number of its choice.
         """
@@ -156,7 +167,7 @@ class Search:
         batch = np.concatenate(drawn)
         of_choice = np.arange(len(chunk))
         terms = margins(self.instance, batch, views_of(chunk).rows(np.repeat(of_choice, draws)))
-        merit = np.where(terms.margin >= INSIDE, terms.log_cost, terms.log_cost + 100 + terms.shaped)
+        merit = np.where(terms.margin >= INSIDE, 0.0, 100 + terms.shaped) + (terms.log_cost if by_cost else 0.0)
         promising = np.argsort(merit.reshape(len(chunk), draws), axis=1, kind="stable")[:, :per_choice]
         return batch[(promising + draws * of_choice[:, None]).ravel()], np.repeat(of_choice, per_choice)
 

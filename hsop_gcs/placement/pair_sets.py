@@ -9,20 +9,20 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from scipy.spatial.distance import cdist
 
-from hsop_gcs.placement.problem import Point
-
+PlanePoint = tuple[float, float]
+"""East, north, metres."""
 Pair = tuple[int, int]
 """The two hosts of a host-threat pair."""
 PairSet = tuple[Pair, ...]
 """One pair for each threat, in the threats' order."""
 
 
-def initial_observers(threats_m: Sequence[Point], hosts_m: Sequence[Point]) -> tuple[int, ...]:
+def initial_observers(threats_m: Sequence[PlanePoint], hosts_m: Sequence[PlanePoint]) -> tuple[int, ...]:
     """Return each threat's initial observer: the nearest host that no threat before it has taken.
 
-    With fewer hosts than threats the later ones get the nearest host, taken or not. Plane distances.
+    With fewer hosts than threats the later ones get the nearest host, taken or not.
     """
-    distances = cdist([p[:2] for p in threats_m], [p[:2] for p in hosts_m])
+    distances = cdist(threats_m, hosts_m)
     observers: list[int] = []
     for row in distances:
         free = [host for host in range(len(hosts_m)) if host not in observers]
@@ -70,7 +70,7 @@ def backtrack(
 ) -> Iterator[PairSet]:
     """Walk the tree of Fig. 7 threat by threat and yield the pair sets at its leaves.
 
-    ``branches`` gives the next threat's pairs; a branch on which ``feasible`` is false is cut, and all that hangs on it.
+    ``branches`` gives the next threat's pairs; a branch on which ``feasible`` is false is cut with all beyond it.
     """
 
     def descend(pair_set: PairSet) -> Iterator[PairSet]:

@@ -50,6 +50,8 @@ class Problem:
     threats: tuple[Threat, ...]
     hosts: tuple[AvailableHost, ...] = ()
     """Empty: as many as it takes, named h1, h2, ..."""
+    max_hosts: int | None = None
+    """No more hosts than this are placed; None: the number of ``hosts``, or no limit without them."""
     rig: CameraRig = field(default_factory=CameraRig)
     horizon_s: float = 10.0
     safety_distance_m: float = 20.0

@@ -19,6 +19,15 @@ class Status(StrEnum):
     """No placement was found that sees every threat; ``reason`` says why."""
 
 
+class Method(StrEnum):
+    """How a placement is looked for."""
+
+    LETTER = "letter"
+    """Algorithm 3: an interior-point solve of every pair set and camera choice."""
+    COVERAGE_ONLY = "coverage-only"
+    """The letter's baseline: the same constraints, no cost."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoverPose:
     """One host's place: position ENU metres, compass heading of its fisheye axis, aim of its central camera."""
@@ -65,6 +74,7 @@ class Placement:
     seed: int = 0
     reason: str = ""
     """Why nothing was found, in terms of the input; empty otherwise."""
+    method: str = Method.LETTER
 
 
 def renamed(placement: Placement, names: Mapping[str, str]) -> Placement:

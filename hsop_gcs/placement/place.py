@@ -1,0 +1,180 @@
+"""``place``: the public entry. A problem in, a placement out; infeasible is an answer."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
+
+from hsop_gcs.cameras.rig import CameraKind
+from hsop_gcs.errors import BadInput
+from hsop_gcs.placement.bounds import lower_bound
+from hsop_gcs.placement.coverage_only import cover
+from hsop_gcs.placement.feasibility import CENTRAL, PERIPHERAL, members
+from hsop_gcs.placement.hsop import Best, Search
+from hsop_gcs.placement.instance import FloatArray, Instance
+from hsop_gcs.placement.objective import evaluate, threat_points_m
+from hsop_gcs.placement.pair_sets import PlanePoint, observed_threats
+from hsop_gcs.placement.pair_sets import initial_observers as initial_observers_of
+from hsop_gcs.placement.problem import Objective, Problem
+from hsop_gcs.placement.reasons import why_infeasible
+from hsop_gcs.placement.solution import HoverPose, Method, Placement, Status, ThreatPair, View
+
+PROVEN_GAP = 1e-3
+KINDS = {PERIPHERAL: CameraKind.PERIPHERAL, CENTRAL: CameraKind.CENTRAL}
+
+
+def place(
+    problem: Problem,
+    *,
+    n_hosts: int | None = None,
+    seed: int = 0,
+    time_limit_s: float = 10.0,
+    now: Callable[[], float],
+    method: Method = Method.LETTER,
+    initial_observers: bool = False,
+    letters_cameras: bool = False,
+) -> Placement:
+    """Say where hosts hover, where they look and which camera sees which threat.
+
+    n_hosts: exactly so many; None is the smallest number that sees every threat. now: the clock of the time limit,
+    seconds. initial_observers: only the letter's (N_h - 1)^N_t pair sets, from the hosts' current positions, in which
+    hosts keep their places. letters_cameras: only the letter's choice of cameras. Poses carry the ids of
+    ``problem.hosts``, shared out for short flights, or h1, h2, ... if there are none.
+    Raises BadInput for a number of hosts outside 2 .. 2 N_t, no threats, and initial observers without positions.
+    """
+    _check(problem, n_hosts, initial_observers)
+    started = now()
+    instance = Instance.of(problem)
+    search = Search(
+        instance,
+        seed=seed,
+        deadline=started + time_limit_s,
+        now=now,
+        observers=(lambda count: _observers(problem, count)) if initial_observers else None,
+        letters_cameras=letters_cameras,
+    )
+    most = 2 * len(problem.threats)
+    available = min(most, _available(problem, most))
+    best = None
+    for count in range(2, available + 1) if n_hosts is None else range(n_hosts, min(n_hosts, available) + 1):
+        best = search.solve_all(count) if method is Method.LETTER else cover(search, count)
+        if best is not None or search.late():
+            break
+    if best is None:
+        reason = why_infeasible(problem, search, n_hosts=n_hosts, available=available)
+        placement = Placement(
+            status=Status.INFEASIBLE, formulation=problem.formulation, objective=problem.objective, reason=reason
+        )
+    else:
+        names = _names(problem, best.poses, by_role=initial_observers)
+        placement = _placement(problem, best, names, lower_bound(instance))
+    return replace(placement, method=method, seed=seed, solve_time_s=now() - started)
+
+
+def _check(problem: Problem, n_hosts: int | None, initial_observers: bool) -> None:
+    most = 2 * len(problem.threats)
+    if not problem.threats:
+        raise BadInput("threats", "there are none to place hosts for")
+    if n_hosts is not None and not 2 <= n_hosts <= most:
+        raise BadInput(
+            "n_hosts",
+            f"{n_hosts} is outside 2..{most}: a threat takes two hosts, and {len(problem.threats)} "
+            f"threat{'s' if most > 2 else ''} cannot use more than {most}",
+        )
+    if initial_observers and not problem.hosts:
+        raise BadInput("hosts", "current positions are needed to choose initial observers, and none were given")
+    if problem.objective is not Objective.LETTER:
+        raise BadInput("objective", f"{problem.objective.value!r} is not what this method minimises; use 'letter'")
+
+
+def _available(problem: Problem, most: int) -> int:
+    given = len(problem.hosts) if problem.hosts else most
+    return given if problem.max_hosts is None else min(given, problem.max_hosts)
+
+
+def _by_nearness(problem: Problem, count: int) -> list[int]:
+    """Return the hosts that take part when only ``count`` do: initial observers first, then who is near a threat."""
+    hosts_m, threats_m = _positions(problem)
+    nearest = cdist(hosts_m, threats_m).min(axis=1)
+    observers = dict.fromkeys(initial_observers_of(threats_m, hosts_m))
+    others = sorted(set(range(len(hosts_m))) - set(observers), key=lambda host: (nearest[host], host))
+    return [*observers, *others][:count]
+
+
+def _observers(problem: Problem, count: int) -> tuple[int, ...]:
+    """Return each threat's initial observer, counted among the ``count`` hosts that take part."""
+    hosts_m, threats_m = _positions(problem)
+    return initial_observers_of(threats_m, [hosts_m[host] for host in _by_nearness(problem, count)])
+
+
+def _positions(problem: Problem) -> tuple[list[PlanePoint], list[PlanePoint]]:
+    """Return where hosts and threats are now, in the plane, metres."""
+    return [h.position_m[:2] for h in problem.hosts], [t.position_m[:2] for t in problem.threats]
+
+
+def _names(problem: Problem, poses: FloatArray, *, by_role: bool) -> list[str]:
+    """Return who takes which of the poses, (n, 4): least distance flown in total; without hosts h1, h2, ..."""
+    if not problem.hosts:
+        return [f"h{k + 1}" for k in range(len(poses))]
+    if by_role:
+        return [problem.hosts[k].id for k in _by_nearness(problem, len(poses))]
+    hosts_m, _ = _positions(problem)
+    _, chosen = linear_sum_assignment(cdist(poses[:, :2], hosts_m))
+    return [problem.hosts[host].id for host in chosen]
+
+
+def _placement(problem: Problem, best: Best, names: list[str], bound: float) -> Placement:
+    """Turn the solver's arrays into the answer, valued by the exact reference."""
+    hosts = tuple(_hover_pose(problem, best, host, name) for host, name in enumerate(names))
+    views = {}
+    for index, (threat, pair) in enumerate(zip(problem.threats, best.choice.pair_set, strict=True)):
+        first, second = (View(host=names[h], camera=KINDS[best.choice.camera(h, index)]) for h in pair)
+        views[threat.id] = (first, second)
+    worth = evaluate(problem, hosts, views)
+    return Placement(
+        status=Status.OPTIMAL if worth.cost <= bound * (1 + PROVEN_GAP) else Status.FEASIBLE,
+        formulation=problem.formulation,
+        objective=problem.objective,
+        hosts=hosts,
+        pairs=tuple(
+            ThreatPair(
+                threat=threat,
+                views=pair,
+                cost=worth.pair_costs[threat],
+                expected_error_m=worth.expected_errors_m[threat],
+            )
+            for threat, pair in views.items()
+        ),
+        cost=worth.cost,
+        lower_bound=bound,
+    )
+
+
+def _hover_pose(problem: Problem, best: Best, host: int, name: str) -> HoverPose:
+    """Hover at the threats' mean altitude; tilt to the middle of what the central camera sees, now and later.
+
+    Where no fisheye view is used the heading follows the pan.
+    """
+    east, north, heading, pan = (float(value) for value in best.poses[host])
+    points = threat_points_m(problem)
+    up = float(points[:, :, 2].mean())
+    held = members(best.choice.central[host])
+    by_fisheye = observed_threats(best.choice.pair_set)[host] != best.choice.central[host]
+    tilt = 0.0
+    if held:
+        middle = points[held].reshape(-1, 3).mean(axis=0)
+        tilt = math.atan2(middle[2] - up, math.dist(middle[:2], (east, north)))
+    return HoverPose(
+        host=name,
+        position_m=(east, north, up),
+        heading_deg=_compass_deg(heading if by_fisheye else pan),
+        pan_deg=_compass_deg(pan) if held else None,
+        tilt_deg=math.degrees(tilt),
+    )
+
+
+def _compass_deg(angle_rad: float) -> float:
+    """Return an angle as degrees in [0, 360); rounding just below north must not give 360."""
+    return math.degrees(angle_rad) % 360.0 % 360.0
