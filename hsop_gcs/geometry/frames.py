@@ -72,7 +72,9 @@ def _from_ecef(ecef: Vector) -> GeodeticPoint:
         prime_vertical = _SEMI_MAJOR_AXIS_M / math.sqrt(1 - _ECCENTRICITY_SQUARED * math.sin(lat) ** 2)
         lat = math.atan2(z + _ECCENTRICITY_SQUARED * prime_vertical * math.sin(lat), ring)
     prime_vertical = _SEMI_MAJOR_AXIS_M / math.sqrt(1 - _ECCENTRICITY_SQUARED * math.sin(lat) ** 2)
-    height = ring * math.cos(lat) + z * math.sin(lat) - prime_vertical * (1 - _ECCENTRICITY_SQUARED * math.sin(lat) ** 2)
+    height = (
+        ring * math.cos(lat) + z * math.sin(lat) - prime_vertical * (1 - _ECCENTRICITY_SQUARED * math.sin(lat) ** 2)
+    )
     return GeodeticPoint(lat_deg=math.degrees(lat), lon_deg=math.degrees(math.atan2(y, x)), altitude_amsl_m=height)
 
 
