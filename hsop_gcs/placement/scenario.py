@@ -1,0 +1,243 @@
+"""Scenario files in, plan files out (JSON; design, section 2).
+
+Nothing in a scenario is passed over: an unknown field, a wrong type and a value out of range are BadInput by name.
+"""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from hsop_gcs.cameras.fisheye import FisheyeCamera
+from hsop_gcs.cameras.pinhole import PinholeCamera
+from hsop_gcs.cameras.rig import CameraRig
+from hsop_gcs.errors import BadInput
+from hsop_gcs.placement.problem import AvailableHost, Formulation, Objective, Point, Problem, Threat
+from hsop_gcs.placement.solution import HoverPose, Placement
+
+FARTHEST_M = 1e6
+"""Positions beyond this are no local coordinates."""
+FASTEST_MPS = 1e4
+_CAMERA_FIELDS = ("focal_length_mm", "sensor_width_mm", "resolution_px", "min_pixels")
+
+
+def parse_json(text: str, source: str) -> Any:
+    """Read one JSON value. Raises BadInput naming the source, line and column."""
+    try:
+        return json.loads(text, object_pairs_hook=_without_repeats)
+    except json.JSONDecodeError as error:
+        raise BadInput(source, f"not JSON: {error.msg} at line {error.lineno} column {error.colno}") from None
+    except ValueError as error:
+        raise BadInput(source, f"not JSON: {error}") from None
+    except RecursionError:
+        raise BadInput(source, "not a scenario: nested too deeply") from None
+
+
+def problem_from_json(
+    scenario: Any,
+    *,
+    formulation: Formulation = Formulation.OPERATIONAL,
+    objective: Objective = Objective.LETTER,
+) -> Problem:
+    """Turn a scenario file's content into a problem. Raises BadInput naming the field and the value."""
+    fields = _object(scenario, "scenario", {"parameters", "threats", "hosts"})
+    if "threats" not in fields:
+        raise BadInput("threats", "missing")
+    threats = tuple(_threat(item, f"threats[{k}]") for k, item in enumerate(_list(fields["threats"], "threats")))
+    if not threats:
+        raise BadInput("threats", "there are none to place hosts for")
+    _require_distinct([threat.id for threat in threats], "threats")
+    hosts: tuple[AvailableHost, ...] = ()
+    if "hosts" in fields:
+        hosts = tuple(_host(item, f"hosts[{k}]") for k, item in enumerate(_list(fields["hosts"], "hosts")))
+        _require_distinct([host.id for host in hosts], "hosts")
+    given = _object(
+        fields.get("parameters", {}),
+        "parameters",
+        {"horizon_s", "safety_distance_m", "min_separation_m", "peripheral", "central"},
+    )
+    defaults = Problem(threats=threats)
+    return Problem(
+        threats=threats,
+        hosts=hosts,
+        max_hosts=len(hosts) if "hosts" in fields else None,
+        rig=CameraRig(
+            peripheral=_peripheral(given.get("peripheral", {}), "parameters.peripheral"),
+            central=_central(given.get("central", {}), "parameters.central"),
+        ),
+        horizon_s=_positive(given.get("horizon_s", defaults.horizon_s), "parameters.horizon_s", most=1e4),
+        safety_distance_m=_positive(
+            given.get("safety_distance_m", defaults.safety_distance_m), "parameters.safety_distance_m", most=1e5
+        ),
+        min_separation_m=_number(
+            given.get("min_separation_m", defaults.min_separation_m), "parameters.min_separation_m", least=0.0, most=1e5
+        ),
+        formulation=formulation,
+        objective=objective,
+    )
+
+
+def plan_to_json(placement: Placement) -> dict[str, Any]:
+    """Return a plan file's content. Every number in it is finite; what has no finite value is null."""
+    return {
+        "status": placement.status.value,
+        **({"reason": placement.reason} if placement.reason else {}),
+        "formulation": placement.formulation.value,
+        "objective": placement.objective.value,
+        "method": str(placement.method),
+        "n_hosts": len(placement.hosts),
+        "cost": _finite(placement.cost),
+        "lower_bound": _finite(placement.lower_bound),
+        "solve_time_s": round(placement.solve_time_s, 6),
+        "seed": placement.seed,
+        "hosts": [_host_to_json(pose) for pose in placement.hosts],
+        "pairs": [
+            {
+                "threat": pair.threat,
+                "cost": _finite(pair.cost),
+                "expected_error_m": _finite(pair.expected_error_m),
+                "views": [{"host": view.host, "camera": view.camera.value} for view in pair.views],
+            }
+            for pair in placement.pairs
+        ],
+    }
+
+
+def _host_to_json(pose: HoverPose) -> dict[str, Any]:
+    return {
+        "id": pose.host,
+        "position_m": list(pose.position_m),
+        "heading_deg": pose.heading_deg,
+        "pan_deg": pose.pan_deg,
+        "tilt_deg": pose.tilt_deg,
+    }
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def _threat(item: Any, field: str) -> Threat:
+    given = _object(item, field, {"id", "position_m", "velocity_mps", "size_m", "weight"})
+    return Threat(
+        id=_id(given, field),
+        position_m=_position(given, field),
+        velocity_mps=_vector(given.get("velocity_mps", (0.0, 0.0)), f"{field}.velocity_mps", FASTEST_MPS),
+        size_m=_positive(given.get("size_m", 1.0), f"{field}.size_m", most=1e3),
+        weight=_positive(given.get("weight", 1.0), f"{field}.weight", most=1e6),
+    )
+
+
+def _host(item: Any, field: str) -> AvailableHost:
+    given = _object(item, field, {"id", "position_m"})
+    return AvailableHost(id=_id(given, field), position_m=_position(given, field))
+
+
+def _peripheral(item: Any, field: str) -> FisheyeCamera:
+    given = _object(item, field, {*_CAMERA_FIELDS, "distortion"})
+    values = _camera_values(given, field)
+    if "distortion" in given:
+        coefficients = _list(given["distortion"], f"{field}.distortion")
+        values["distortion"] = tuple(_number(k, f"{field}.distortion") for k in coefficients)
+    try:
+        return FisheyeCamera(**values)
+    except BadInput as error:
+        raise BadInput(f"{field}.{error.field}", error.problem) from None
+
+
+def _central(item: Any, field: str) -> PinholeCamera:
+    given = _object(item, field, {*_CAMERA_FIELDS, "fov_deg"})
+    values = _camera_values(given, field)
+    if "fov_deg" in given:
+        values["fov_deg"] = _number(given["fov_deg"], f"{field}.fov_deg")
+    try:
+        return PinholeCamera(**values)
+    except BadInput as error:
+        raise BadInput(f"{field}.{error.field}", error.problem) from None
+
+
+def _camera_values(given: Mapping[str, Any], field: str) -> dict[str, Any]:
+    """Return what both cameras have; the resolution is a whole number."""
+    values: dict[str, Any] = {
+        name: _positive(given[name], f"{field}.{name}", most=1e6) for name in _CAMERA_FIELDS if name in given
+    }
+    if "resolution_px" in values:
+        if values["resolution_px"] % 1:
+            raise BadInput(f"{field}.resolution_px", f"must be a whole number, not {_shown(given['resolution_px'])}")
+        values["resolution_px"] = int(values["resolution_px"])
+    return values
+
+
+def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    names = [name for name, _ in pairs]
+    for name in names:
+        if names.count(name) > 1:
+            raise BadInput(name, "given twice in one object")
+    return dict(pairs)
+
+
+def _object(value: Any, field: str, known: set[str]) -> Mapping[str, Any]:
+    if not isinstance(value, dict):
+        raise BadInput(field, f"must be an object, not {_shown(value)}")
+    for name in value:
+        if name not in known:
+            place = name if field == "scenario" else f"{field}.{name}"
+            raise BadInput(place, f"unknown field; {field} may have {', '.join(sorted(known))}")
+    return value
+
+
+def _list(value: Any, field: str) -> Sequence[Any]:
+    if not isinstance(value, list | tuple):
+        raise BadInput(field, f"must be a list, not {_shown(value)}")
+    return value
+
+
+def _id(given: Mapping[str, Any], field: str) -> str:
+    if "id" not in given:
+        raise BadInput(f"{field}.id", "missing")
+    value = given["id"]
+    if not isinstance(value, str) or not value.strip():
+        raise BadInput(f"{field}.id", f"must be a text that is not blank, not {_shown(value)}")
+    return value
+
+
+def _require_distinct(ids: list[str], field: str) -> None:
+    for k, name in enumerate(ids):
+        if name in ids[:k]:
+            raise BadInput(f"{field}[{k}].id", f"{name!r} is given twice")
+
+
+def _position(given: Mapping[str, Any], field: str) -> Point:
+    if "position_m" not in given:
+        raise BadInput(f"{field}.position_m", "missing")
+    return _vector(given["position_m"], f"{field}.position_m", FARTHEST_M)
+
+
+def _vector(value: Any, field: str, most: float) -> Point:
+    numbers = _list(value, field)
+    if len(numbers) not in (2, 3):
+        raise BadInput(field, f"must have 2 or 3 numbers, not {_shown(value)}")
+    east, north, up = (_number(n, field, least=-most, most=most) for n in (*numbers, 0.0)[:3])
+    return east, north, up
+
+
+def _positive(value: Any, field: str, *, most: float) -> float:
+    number = _number(value, field, most=most)
+    if number <= 0:
+        raise BadInput(field, f"must be above 0, not {_shown(value)}")
+    return number
+
+
+def _number(value: Any, field: str, *, least: float = -1e12, most: float = 1e12) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise BadInput(field, f"must be a number, not {_shown(value)}")
+    if not abs(value) < math.inf:
+        raise BadInput(field, f"must be finite, not {_shown(value)}")
+    if not least <= value <= most:
+        raise BadInput(field, f"must lie between {least:g} and {most:g}, not {_shown(value)}")
+    return float(value)
+
+
+def _shown(value: Any) -> str:
+    text = json.dumps(value, default=repr)
+    return text if len(text) <= 60 else text[:57] + "..."
