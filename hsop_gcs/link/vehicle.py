@@ -10,6 +10,7 @@ presence ─► telemetry ─► subscriptions
 from dataclasses import dataclass, field
 
 from hsop_gcs.errors import BadInput
+from hsop_gcs.link.adapters import Adapter
 from hsop_gcs.link.enums import MavCmd, MavComponent
 from hsop_gcs.link.events import (
     CommandFinished,
@@ -79,6 +80,11 @@ class Vehicle:
     def state(self) -> VehicleState:
         """The newest known state."""
         return self._telemetry.state
+
+    @property
+    def adapter(self) -> Adapter | None:
+        """How its autopilot wants to be spoken to; None before its first heartbeat, or for one we do not know."""
+        return self._telemetry.adapter
 
     @property
     def progress(self) -> Progress | None:
