@@ -1,30 +1,36 @@
 """A running service for tests: real HTTP, real UDP, in a thread of its own."""
 
 import asyncio
+import socket
+import subprocess
+import sys
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
-from typing import Any
+from typing import Any, TypeVar
 
 import httpx2
 
 from hsop_gcs.app import running_service
 from hsop_gcs.settings import Settings
 
+T = TypeVar("T")
+
 ORIGIN = {"lat_deg": 47.397742, "lon_deg": 8.545594, "altitude_amsl_m": 488.0}
 
 
-def settings(hosts: int = 2, udp_port: int = 0, **planning: Any) -> Settings:
+def settings(count: int = 2, udp_port: int = 0, autonomy: str = "confirm", **planning: Any) -> Settings:
     """A fleet that listens on one UDP port; 0 is any free one, where nobody will ever call."""
     return Settings.model_validate(
         {
             "site": {"origin": ORIGIN},
-            "service": {"port": 0},
+            "service": {"port": 0, "autonomy": autonomy},
             "planning": planning,
             "hosts": [
                 {"id": f"h{n}", "system_id": n, "connection": f"udpin:127.0.0.1:{udp_port}"}
-                for n in range(1, hosts + 1)
+                for n in range(1, count + 1)
             ],
         }
     )
@@ -33,7 +39,7 @@ def settings(hosts: int = 2, udp_port: int = 0, **planning: Any) -> Settings:
 @contextmanager
 def service(wanted: Settings) -> Iterator[httpx2.Client]:
     """Run the service and yield a client of it."""
-    ready: Future[tuple[str, Callable[[], None]]] = Future()
+    ready: Future[tuple[str, Callable[[], object]]] = Future()
 
     async def run() -> None:
         stop = asyncio.Event()
@@ -44,7 +50,8 @@ def service(wanted: Settings) -> Iterator[httpx2.Client]:
 
     with ThreadPoolExecutor(1) as pool:
         running = pool.submit(asyncio.run, run())
-        wait([ready, running], return_when=FIRST_COMPLETED)
+        either: list[Future[Any]] = [ready, running]
+        wait(either, return_when=FIRST_COMPLETED)
         if running.done():
             running.result()
         address, stop = ready.result()
@@ -55,6 +62,38 @@ def service(wanted: Settings) -> Iterator[httpx2.Client]:
             if not running.done():
                 stop()
             running.result()
+
+
+@contextmanager
+def simulated_fleet(udp_port: int, vehicles: int = 4, *options: str) -> Iterator[None]:
+    """Run ``hsop-gcs simulate`` as a process: airborne hosts at the origin that talk to one UDP port of ours."""
+    origin = ",".join(str(value) for value in ORIGIN.values())
+    command = [sys.executable, "-m", "hsop_gcs", "simulate", "--vehicles", str(vehicles), f"--origin={origin}"]
+    command += ["--target", f"127.0.0.1:{udp_port}", "--shared-port", "--local-port", "0", "--exit-with-stdin"]
+    process = subprocess.Popen(
+        [*command, "--airborne", "40", *options], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL
+    )
+    try:
+        yield
+    finally:
+        process.communicate(timeout=10)
+
+
+def free_udp_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def wait_until(look: Callable[[], T | None], *, limit_s: float = 30.0) -> T:
+    """Look until there is something to see, and return it."""
+    give_up_at = time.monotonic() + limit_s
+    while True:
+        seen = look()
+        if seen:
+            return seen
+        assert time.monotonic() < give_up_at, f"waited {limit_s:g} s in vain"
+        time.sleep(0.1)
 
 
 def report(threat_id: str = "t1", *, late_s: float = 0.0, **changes: Any) -> dict[str, Any]:

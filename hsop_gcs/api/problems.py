@@ -8,7 +8,9 @@ from typing import Any
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from hsop_gcs.errors import BadInput, HsopError, NotKnown, Refused
 
@@ -60,6 +62,31 @@ def install(app: FastAPI) -> None:
     async def _fault(request: Request, error: Exception) -> JSONResponse:
         log.error("%s %s failed", request.method, request.url.path, exc_info=error)
         return problem(500, "an internal fault; the service's log has the details")
+
+
+class PlainErrorsAsProblems:
+    """Turns an error that a middleware below answers in plain text into a problem like all others."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        replaced: JSONResponse | None = None
+
+        async def send_problem(message: Message) -> None:
+            nonlocal replaced
+            if message["type"] == "http.response.start" and message["status"] >= 400:
+                kind = Headers(raw=message["headers"]).get("content-type", "")
+                if kind.startswith("text/plain"):
+                    status = message["status"]
+                    replaced = problem(status, HTTPStatus(status).phrase)
+                    return
+            if replaced is None:
+                await send(message)
+            elif not message.get("more_body", False):
+                await replaced(scope, receive, send)
+
+        await self._app(scope, receive, send_problem)
 
 
 def _short(value: object) -> str:

@@ -1,14 +1,16 @@
 """The REST API, /api/v1."""
 
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import APIRouter, FastAPI, Request
+from fastapi import APIRouter, FastAPI, Query, Request
 from fastapi.responses import JSONResponse
+from starlette.middleware.body_limit import RequestBodyLimitMiddleware
 
 from hsop_gcs.api import intake, views
-from hsop_gcs.api.problems import MEDIA_TYPE, install, problem
+from hsop_gcs.api.problems import MEDIA_TYPE, PlainErrorsAsProblems, install, problem
 from hsop_gcs.api.schemas import (
     ApprovalIn,
+    EventOut,
     HealthOut,
     HostOut,
     HostsIn,
@@ -40,11 +42,12 @@ def create_api(mission: Mission, *, max_body_bytes: int = 1_000_000) -> FastAPI:
         title="hsop_gcs",
         summary="Threat reports in; hover points, headings and camera aims out.",
         version="1",
-        max_body_size=max_body_bytes,
         redirect_slashes=False,
     )
     app.include_router(_routes(mission))
     install(app)
+    app.add_middleware(RequestBodyLimitMiddleware, max_body_size=max_body_bytes)
+    app.add_middleware(PlainErrorsAsProblems)
     _describe_more(app)
     return app
 
@@ -119,6 +122,11 @@ def _routes(mission: Mission) -> APIRouter:
     async def hold(wanted: HostsIn) -> HostsOut:
         """Stop hosts where they are; from then on no plan flies without approval."""
         return HostsOut(hosts=mission.hold(wanted.hosts))
+
+    @router.get("/events", operation_id="getEvents")
+    async def get_events(after: Annotated[int, Query(ge=0)] = 0) -> list[EventOut]:
+        """What happened to hosts and orders, oldest first: the newest 500 with a number above ``after``."""
+        return [views.event_out(event) for event in mission.events if event.number > after]
 
     @router.get("/health", operation_id="getHealth")
     async def get_health() -> HealthOut:

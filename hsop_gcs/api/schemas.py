@@ -202,6 +202,15 @@ class TakeOffIn(HostsIn):
     altitude_m: Annotated[Number, Field(ge=2, le=120, description="above each host's home")]
 
 
+class EventOut(BaseModel):
+    number: int
+    time: datetime
+    host: str
+    kind: str
+    """Such as LinkLost, OrderFailed, OnStation, StatusTextReceived."""
+    details: dict[str, Any]
+
+
 class HostsOut(BaseModel):
     hosts: list[str]
 

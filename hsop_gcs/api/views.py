@@ -8,6 +8,7 @@ import numpy as np
 
 from hsop_gcs.api.schemas import (
     AimOut,
+    EventOut,
     HealthOut,
     HostOut,
     HoverOut,
@@ -26,7 +27,7 @@ from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.fleet import Host
 from hsop_gcs.geometry.frames import Aim, GeodeticPoint
 from hsop_gcs.link.pump import Link
-from hsop_gcs.mission.controller import Mission
+from hsop_gcs.mission.controller import LoggedEvent, Mission
 from hsop_gcs.mission.dispatch import OrderProgress
 from hsop_gcs.mission.state import Plan
 from hsop_gcs.placement.scenario import plan_to_json
@@ -77,6 +78,18 @@ def host_out(host: Host, mission: Mission) -> HostOut:
         battery_percent=state.battery_percent,
         last_text=state.texts[-1].text if state.texts else None,
         order=None if progress is None else _order(host, progress, mission),
+    )
+
+
+def event_out(logged: LoggedEvent) -> EventOut:
+    details = asdict(logged.event)
+    details.pop("system")
+    return EventOut(
+        number=logged.number,
+        time=utc(logged.time_s),
+        host=logged.host,
+        kind=type(logged.event).__name__,
+        details=details,
     )
 
 

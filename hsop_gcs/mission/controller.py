@@ -43,8 +43,9 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoggedEvent:
-    """An event of a host, for people and for the record."""
+    """An event of a host, for people and for the record; numbers rise by one."""
 
+    number: int
     time_s: float
     host: str
     event: Event
@@ -244,7 +245,8 @@ class Mission:
         while True:
             event = await self.link.events.get()
             host = self.fleet.host_of_system(event.system)
-            self.events.append(LoggedEvent(time_s=self.clock(), host=host.id, event=event))
+            number = self.events[-1].number + 1 if self.events else 1
+            self.events.append(LoggedEvent(number=number, time_s=self.clock(), host=host.id, event=event))
             progress = self.progress.get(host.id)
             if progress is not None and isinstance(event, OrderEvent) and event.order_id == progress.order_id:
                 self.progress[host.id] = progressed(progress, event)
