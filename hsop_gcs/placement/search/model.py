@@ -61,23 +61,27 @@ def relative_size(cosine: float, distortion: Floats) -> float:
 
 @kernel
 def pair_cost(q: Question, first: float, second: float, sine: float) -> float:
-    """Return the cost of one point seen with two factors at an intersection angle of the given sine (Eq. 8, or its RMS)."""
+    """Return the cost of one point seen with two factors at an intersection angle of the given sine (Eq. 8).
+
+    rms: the mean squared error of the fix, trace of the covariance: across the rays' plane and normal to it.
+    """
     if q.rms:
         a, b = first * first, second * second
-        return math.sqrt((a + b) / (sine * sine) + a * b / (a + b))
+        return (a + b) / (sine * sine) + a * b / (a + b)
     return first * second / sine
 
 
 @kernel
+def threat_cost(q: Question, threat: int, both_points: float) -> float:
+    """Return a threat's cost from the sum over its points; rms: weight times the root of their mean."""
+    if q.rms:
+        return q.weight[threat] * math.sqrt(0.5 * both_points)
+    return q.weight[threat] * both_points
+
+
+@kernel
 def edge_energy(
-    q: Question,
-    positions: Floats,
-    axes: Floats,
-    threat: int,
-    i: int,
-    j: int,
-    camera_i: int,
-    camera_j: int,
+    q: Question, positions: Floats, axes: Floats, threat: int, i: int, j: int, camera_i: int, camera_j: int
 ) -> tuple[float, float]:
     """Return cost and violation of a threat seen by hosts i and j; finite everywhere, exact where the violation is 0."""
     cost = 0.0
@@ -97,19 +101,21 @@ def edge_energy(
         if camera_i == PERIPHERAL:
             size = relative_size(abs(ex * axes[i, 0] + ey * axes[i, 1]) / di, q.distortion)
             violation += max(0.0, di / q.range_m[0, threat] - size)
-            fi /= max(size, SMALLEST_RELATIVE_SIZE)
+            if not q.rms:
+                fi /= max(size, SMALLEST_RELATIVE_SIZE)
         else:
             violation += max(0.0, di / q.range_m[1, threat] - 1)
         if camera_j == PERIPHERAL:
             size = relative_size(abs(gx * axes[j, 0] + gy * axes[j, 1]) / dj, q.distortion)
             violation += max(0.0, dj / q.range_m[0, threat] - size)
-            fj /= max(size, SMALLEST_RELATIVE_SIZE)
+            if not q.rms:
+                fj /= max(size, SMALLEST_RELATIVE_SIZE)
         else:
             violation += max(0.0, dj / q.range_m[1, threat] - 1)
         if not q.whole_path:
             violation += max(0.0, 1 - di / q.safety_m) + max(0.0, 1 - dj / q.safety_m)
         cost += pair_cost(q, fi, fj, sine)
-    return q.weight[threat] * cost, violation
+    return threat_cost(q, threat, cost), violation
 
 
 @kernel

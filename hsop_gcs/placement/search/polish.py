@@ -2,7 +2,7 @@
 
 Starting from a placement that keeps every rule, it minimizes cost - μ Σ log(margin) while μ falls, and never leaves the
 inside of the rules; so any intermediate point is a valid placement. Gradients are analytic, second derivatives are
-differences of gradients, element by element (a threat at a point, or one rule).
+differences of gradients, element by element (one threat, or one rule).
 Source: Nocedal and Wright, Numerical Optimization, ch. 19.
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from hsop_gcs.placement.search.anneal import State, refresh, totals
 from hsop_gcs.placement.search.compiled import kernel
-from hsop_gcs.placement.search.model import CENTRAL, PERIPHERAL, Floats, Ints, Question, path_offset, wrapped
+from hsop_gcs.placement.search.model import CENTRAL, PERIPHERAL, Floats, Ints, Question, path_offset, threat_cost, wrapped
 
 COST, PIXELS, END_POINT, PATH, PAN, TILT, SEPARATION, FLOOR, CEILING = range(9)
 NEAR_M = 40.0
@@ -61,12 +61,13 @@ def view_terms(
     # d|u·a| / dx = -(a - (u·a) u) / d, and by the heading u·a'
     sx, sy, sz = -sign * (ax - inner * ux) / d, -sign * (ay - inner * uy) / d, sign * inner * uz / d
     sh = sign * (ux * ay - uy * ax)
-    f = base / size
+    f = base if q.rms else base / size
+    growth = 0.0 if q.rms else f / size * slope
     factor[0] = f
-    factor[1] = -power * f / d * ux - f / size * slope * sx
-    factor[2] = -power * f / d * uy - f / size * slope * sy
-    factor[3] = -power * f / d * uz - f / size * slope * sz
-    factor[4] = -f / size * slope * sh
+    factor[1] = -power * f / d * ux - growth * sx
+    factor[2] = -power * f / d * uy - growth * sy
+    factor[3] = -power * f / d * uz - growth * sz
+    factor[4] = -growth * sh
     margin[0] = size - d / reach
     margin[1] = slope * sx + ux / reach
     margin[2] = slope * sy + uy / reach
@@ -76,15 +77,14 @@ def view_terms(
 
 @kernel
 def pair_cost_slopes(q: Question, a: float, b: float, sine: float) -> tuple[float, float, float, float]:
-    """Return the cost of a point and its derivatives by both factors and the sine."""
+    """Return ``pair_cost`` and its derivatives by both factors and the sine."""
     if not q.rms:
         return a * b / sine, b / sine, a / sine, -a * b / (sine * sine)
     aa, bb, ss = a * a, b * b, sine * sine
     total = aa + bb
-    value = math.sqrt(total / ss + aa * bb / total)
-    by_a = (a / ss + a * bb * bb / (total * total)) / value
-    by_b = (b / ss + b * aa * aa / (total * total)) / value
-    return value, by_a, by_b, -total / (ss * sine) / value
+    by_a = 2 * a / ss + 2 * a * bb * bb / (total * total)
+    by_b = 2 * b / ss + 2 * b * aa * aa / (total * total)
+    return total / ss + aa * bb / total, by_a, by_b, -2 * total / (ss * sine)
 
 
 @kernel
@@ -96,22 +96,25 @@ def element(q: Question, e: Ints, poses: Floats, g: Floats, work: Floats) -> flo
     kind, i, j = e[0], e[1], e[2]
     g[:] = 0.0
     if kind == COST:
-        threat, k = e[3], e[4]
-        view_terms(q, threat, k, poses, i, e[5], work[0], work[1], work[2])
-        view_terms(q, threat, k, poses, j, e[6], work[3], work[4], work[5])
-        u, v = work[0], work[3]
-        m = u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
-        sine = math.sqrt(max(1 - m * m, 1e-12))
-        value, by_a, by_b, by_sine = pair_cost_slopes(q, work[1, 0], work[4, 0], sine)
-        by_m = -by_sine * m / sine
-        for n in range(3):
-            g[n] = by_a * work[1, n + 1] - by_m * (v[n] - m * u[n]) / u[3]
-            g[4 + n] = by_b * work[4, n + 1] - by_m * (u[n] - m * v[n]) / v[3]
-        g[3] = by_a * work[1, 4]
-        g[7] = by_b * work[4, 4]
-        w = q.weight[threat]
-        g *= w
-        return w * value
+        threat = e[3]
+        total = 0.0
+        for k in range(2):
+            view_terms(q, threat, k, poses, i, e[5], work[0], work[1], work[2])
+            view_terms(q, threat, k, poses, j, e[6], work[3], work[4], work[5])
+            u, v = work[0], work[3]
+            m = u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+            sine = math.sqrt(max(1 - m * m, 1e-12))
+            value, by_a, by_b, by_sine = pair_cost_slopes(q, work[1, 0], work[4, 0], sine)
+            by_m = -by_sine * m / sine
+            total += value
+            for n in range(3):
+                g[n] += by_a * work[1, n + 1] - by_m * (v[n] - m * u[n]) / u[3]
+                g[4 + n] += by_b * work[4, n + 1] - by_m * (u[n] - m * v[n]) / v[3]
+            g[3] += by_a * work[1, 4]
+            g[7] += by_b * work[4, 4]
+        cost = threat_cost(q, threat, total)
+        g *= 0.25 * q.weight[threat] ** 2 / cost if q.rms else q.weight[threat]
+        return cost
     if kind == PIXELS:
         view_terms(q, e[3], e[4], poses, i, e[5], work[0], work[1], work[2])
         for n in range(4):
@@ -171,16 +174,15 @@ def element(q: Question, e: Ints, poses: Floats, g: Floats, work: Floats) -> flo
 def list_elements(q: Question, s: State, moving: Ints) -> Ints:
     """Return the costs and rules that the poses of moving hosts (marked 1) decide, costs first."""
     threats, hosts = s.pairs.shape[0], s.degree.shape[0]
-    most = threats * (2 + 8) + hosts * (threats + hosts + 2) + hosts * 4 * threats * threats
+    most = threats * (1 + 8) + hosts * (threats + hosts + 2) + hosts * 4 * threats * threats
     rows = np.zeros((most, 7), np.int64)
     m = 0
     for threat in range(threats):
         i, j = s.pairs[threat, 0], s.pairs[threat, 1]
         if moving[i] + moving[j] > 0:
-            for k in range(2):
-                rows[m, 0], rows[m, 1], rows[m, 2], rows[m, 3], rows[m, 4] = COST, i, j, threat, k
-                rows[m, 5], rows[m, 6] = s.cameras[threat, 0], s.cameras[threat, 1]
-                m += 1
+            rows[m, 0], rows[m, 1], rows[m, 2], rows[m, 3] = COST, i, j, threat
+            rows[m, 5], rows[m, 6] = s.cameras[threat, 0], s.cameras[threat, 1]
+            m += 1
     for host in range(hosts):
         if moving[host] == 0:
             continue

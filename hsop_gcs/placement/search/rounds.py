@@ -1,0 +1,112 @@
+"""The course of a search: rounds of two independent tasks, one per core, and the pool of the best placements they found.
+
+What a task does depends only on its seed, its place in the course and the pool at the start of its round, so that time
+decides how many rounds there are and nothing else.
+"""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+from hsop_gcs.placement.search.anneal import State, copy_state, keep_clear, new_state, refresh, totals
+from hsop_gcs.placement.search.chance import seeded
+from hsop_gcs.placement.search.model import Question
+from hsop_gcs.placement.search.neighbourhood import fresh, improve
+
+LANES = 2
+POOL = 8
+FRESH_MOVES = 20_000
+ROUND_MOVES = 40_000
+MOVES_PER_HOST = 600
+
+
+class Pool:
+    """The best placements of one search, different in cost, best first."""
+
+    def __init__(self) -> None:
+        self.states: list[State] = []
+        self.worth: list[tuple[float, float]] = []
+        """Violation and cost of each."""
+
+    def offer(self, q: Question, state: State) -> bool:
+        """Take a state in if it is among the best; True if it is the best."""
+        cost, violation = totals(q, state)
+        worth = (violation, cost)
+        if any(abs(cost - c) <= 1e-6 * c and abs(violation - v) <= 1e-9 for v, c in self.worth):
+            return False
+        at = sum(other < worth for other in self.worth)
+        if at >= POOL:
+            return False
+        self.states.insert(at, _copy(state))
+        self.worth.insert(at, worth)
+        del self.states[POOL:], self.worth[POOL:]
+        return at == 0
+
+    @property
+    def best(self) -> State | None:
+        """The best placement if it keeps every rule."""
+        return self.states[0] if self.states and self.worth[0][0] <= 0 else None
+
+
+def _copy(state: State) -> State:
+    result = new_state(*state.cost.shape, *state.degree.shape)
+    copy_state(state, result)
+    return result
+
+
+class Course:
+    """One search for one number of hosts. ``advance`` runs a round; ``pool`` holds what was found."""
+
+    def __init__(self, q: Question, n_hosts: int, seed: int) -> None:
+        self.q, self.n_hosts, self.seed = q, n_hosts, seed
+        self.pool = Pool()
+        self.round = 0
+        self._scratch = [[new_state(len(q.weight), n_hosts) for _ in range(3)] for _ in range(LANES)]
+        self._reach_m = 25.0
+        neighbourhood_moves = 4.5 * MOVES_PER_HOST
+        self._tries = max(3, round(ROUND_MOVES / neighbourhood_moves))
+
+    def start_from(self, state: State) -> None:
+        """Put a state into the pool; broken safety distances are mended first."""
+        mended = _copy(state)
+        for host in range(self.n_hosts):
+            keep_clear(self.q, mended, host)
+        refresh(self.q, mended)
+        self.pool.offer(self.q, mended)
+
+    def advance(self, executor: ThreadPoolExecutor) -> bool:
+        """Run one round; True if there is a new best."""
+        results = list(executor.map(self._task, range(LANES)))
+        self.round += 1
+        return any([self.pool.offer(self.q, state) for state in results])
+
+    def _task(self, lane: int) -> State:
+        """Start afresh, or improve the best, or one of the others, as the course has it."""
+        state, trial, spare = self._scratch[lane]
+        chance = seeded(self.seed, self.n_hosts, self.round, lane)
+        step = self.round % 8
+        states = self.pool.states
+        if not states or (self.round < 3 and self.pool.best is None) or (lane == 1 and step in (2, 6)):
+            fresh(self.q, state, trial, FRESH_MOVES, 0.5, 1e-3, self._reach_m, chance)
+            improve(self.q, state, trial, spare, self._tries, MOVES_PER_HOST, self._reach_m, chance)
+            return state
+        choice = 0 if lane == 0 or step % 2 == 0 else (self.round // 2) % len(states)
+        copy_state(states[choice], state)
+        improve(self.q, state, trial, spare, 2 * self._tries, MOVES_PER_HOST, self._reach_m, chance)
+        return state
+
+
+def run(
+    course: Course, executor: ThreadPoolExecutor, *, deadline: float, now: Callable[[], float], rounds: int | None
+) -> None:
+    """Advance until the deadline is near, or exactly so many rounds; at least one round is run."""
+    count, slowest = 0, 0.0
+    while True:
+        started = now()
+        if rounds is not None and count >= rounds:
+            return
+        if rounds is None and count > 0 and started + slowest > deadline:
+            return
+        course.advance(executor)
+        count += 1
+        slowest = max(0.7 * slowest, now() - started)
+
