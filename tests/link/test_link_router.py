@@ -1,0 +1,151 @@
+"""Who sent this frame, and whose is it."""
+
+import pytest
+
+from hsop_gcs.link.codec import Decoder, Encoder
+from hsop_gcs.link.enums import MavAutopilot, MavType
+from hsop_gcs.link.events import LinkLost, LinkUp
+from hsop_gcs.link.messages import Attitude, CommandLong, Heartbeat, Message
+from hsop_gcs.link.router import Peer, Router
+
+HERE = Peer(0, "127.0.0.1", 14541)
+THERE = Peer(0, "127.0.0.1", 14542)
+BEAT = Heartbeat(type=MavType.QUADROTOR, autopilot=MavAutopilot.PX4)
+
+
+class Sender:
+    """A vehicle's radio."""
+
+    def __init__(self, system: int, *, component: int = 1) -> None:
+        self._encoder = Encoder(system=system, component=component)
+
+    def __call__(self, message: Message = BEAT) -> bytes:
+        return self._encoder.encode(message)
+
+
+def destinations(router: Router, kind: type[Message]) -> list[Peer]:
+    return [
+        peer
+        for peer, raw in router.take_outgoing()
+        for frame in Decoder().feed_datagram(raw)
+        if isinstance(frame.message, kind)
+    ]
+
+
+def test_our_heartbeat_goes_to_every_peer_once_and_to_nobody_else() -> None:
+    router = Router([1, 2, 3])
+    for system, peer in ((1, HERE), (2, HERE), (3, THERE)):
+        router.receive(Sender(system)(), peer, 0.0)
+    router.receive(Sender(77)(), Peer(0, "10.0.0.1", 1), 0.0)
+    router.advance(0.0)
+    assert sorted(destinations(router, Heartbeat)) == [HERE, THERE]
+
+
+def test_a_peer_we_call_hears_us_before_it_says_anything() -> None:
+    router = Router([1])
+    router.greet(THERE)
+    router.advance(0.0)
+    assert destinations(router, Heartbeat) == [THERE]
+
+
+def test_commands_go_to_the_peer_of_their_vehicle_only() -> None:
+    router = Router([1, 2])
+    router.receive(Sender(1)(), HERE, 0.0)
+    router.receive(Sender(2)(), THERE, 0.0)
+    for peer, raw in router.take_outgoing():
+        for frame in Decoder().feed_datagram(raw):
+            if isinstance(frame.message, CommandLong):
+                assert (frame.message.target_system == 1) == (peer == HERE)
+
+
+def test_a_vehicle_is_bound_to_the_peer_of_its_first_heartbeat() -> None:
+    router = Router([1])
+    router.receive(Sender(1)(Attitude(yaw=1.0)), THERE, 0.0)
+    assert router.vehicle_links[0].peer is None
+    router.receive(Sender(1)(), HERE, 0.1)
+    assert router.vehicle_links[0].peer == HERE
+    assert router.take_events() == [LinkUp(system=1)]
+
+
+def test_another_sender_under_a_bound_id_is_refused_and_counted() -> None:
+    router = Router([1])
+    router.receive(Sender(1)(), HERE, 0.0)
+    impostor = Sender(1)
+    router.receive(impostor(), THERE, 0.5)
+    router.receive(impostor(Attitude(yaw=2.0)), THERE, 0.6)
+    assert router.counters.refused == 2
+    assert router.vehicles[1].state.heading_deg is None
+    assert router.vehicle_links[0].peer == HERE
+
+
+def test_a_vehicle_may_move_to_another_peer_once_its_link_is_lost() -> None:
+    router = Router([1])
+    router.receive(Sender(1)(), HERE, 0.0)
+    router.receive(Sender(1)(), THERE, 3.0)
+    assert router.vehicle_links[0].peer == HERE
+    router.receive(Sender(1)(), THERE, 4.0)
+    assert router.vehicle_links[0].peer == THERE
+    assert [type(event) for event in router.take_events()] == [LinkUp, LinkLost, LinkUp]
+
+
+def test_a_system_outside_the_fleet_is_listed_and_not_listened_to() -> None:
+    router = Router([1])
+    stranger = Sender(9, component=2)
+    for second in range(3):
+        router.receive(stranger(), THERE, float(second))
+    (heard,) = router.strangers
+    assert (heard.system, heard.component, heard.frames, heard.last_heard_s, heard.peer) == (9, 2, 3, 2.0, THERE)
+    assert router.counters.not_in_fleet == 3
+    assert router.take_events() == []
+
+
+def test_gaps_in_the_sequence_are_counted_as_lost() -> None:
+    router, sender = Router([1]), Sender(1)
+    for number in range(600):
+        raw = sender()
+        if number % 10:
+            router.receive(raw, HERE, 0.0)
+    assert router.counters.lost == 59
+    assert router.vehicle_links[0].lost == 59
+
+
+def test_frames_that_overtook_each_other_or_came_twice_are_not_lost() -> None:
+    router, sender = Router([1]), Sender(1)
+    first, second, third = sender(), sender(), sender()
+    for raw in (first, third, second, third, third):
+        router.receive(raw, HERE, 0.0)
+    assert router.counters.lost == 1
+
+
+def test_two_vehicles_on_one_peer_have_sequences_of_their_own() -> None:
+    router, one, two = Router([1, 2]), Sender(1), Sender(2)
+    for number in range(50):
+        router.receive(one(), HERE, 0.0)
+        if number % 7 == 0:
+            router.receive(two(), HERE, 0.0)
+    assert router.counters.lost == 0
+
+
+def test_bad_bytes_are_counted() -> None:
+    router = Router([1])
+    damaged = bytearray(Sender(1)())
+    damaged[12] ^= 0xFF
+    router.receive(bytes(damaged), HERE, 0.0)
+    assert router.counters.bad_frames == 1
+    assert not router.vehicles[1].state.link_up
+
+
+def test_a_flood_of_addresses_is_turned_away_and_the_vehicle_still_heard() -> None:
+    router, vehicle, flood = Router([1]), Sender(1), Sender(2)
+    router.receive(vehicle(), HERE, 0.0)
+    for port in range(1, 2000):
+        router.receive(flood(), Peer(0, "10.0.0.1", port), 0.0)
+    assert router.counters.peers_turned_away > 0
+    router.receive(vehicle(Attitude(yaw=1.0)), HERE, 1.0)
+    assert router.vehicles[1].state.heading_deg == pytest.approx(57.3, abs=0.1)
+
+
+def test_a_gimbal_component_speaks_for_itself_and_not_for_the_vehicle() -> None:
+    router = Router([1])
+    router.receive(Sender(1, component=154)(), HERE, 0.0)
+    assert not router.vehicles[1].state.link_up
