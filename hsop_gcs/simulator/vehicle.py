@@ -123,7 +123,7 @@ class Vehicle:
         self.goal: FlightGoal | None = FlightGoal(position_m=self.state.position_m) if self.armed else None
         self.gimbal = Gimbal(config.gimbal, pitch_rad=self.gimbal_rest_pitch_rad(config.gimbal))
         self.roi: Point | None = None
-        self.ready = False
+        self.ready = self.armed
         self.unheard = 0
         """Messages addressed to somebody else, or of a kind this vehicle does not listen to."""
         self._legs: deque[FlightGoal] = deque()

@@ -67,7 +67,7 @@ class Forwarded:
         self.wait_for(lambda _: text in self.console())
 
     def go_online(self) -> None:
-        """Wait for the vehicle; MAVProxy asks for streams each quarter of a minute, or at once when the rate changes."""
+        """Wait for the vehicle; MAVProxy asks for streams every 15 s, or at once when their rate is changed."""
         self.wait_for_console("online system 1")
         self.type("set streamrate 5")
 
