@@ -125,7 +125,7 @@ class Telemetry:
                 self._heartbeat(message)
             case GlobalPositionInt():
                 self._position(message, now)
-            case Attitude():
+            case Attitude() if math.isfinite(message.yaw + message.roll + message.pitch):
                 self.state = replace(
                     self.state,
                     heading_deg=math.degrees(message.yaw) % 360.0,
@@ -244,6 +244,7 @@ def gimbal_aim(message: GimbalDeviceAttitudeStatus, heading_deg: float | None) -
 
 
 def _place(lat_e7: int, lon_e7: int, altitude_mm: int) -> GeodeticPoint | None:
-    if lat_e7 == 0 and lon_e7 == 0:
+    nowhere = lat_e7 == 0 and lon_e7 == 0
+    if nowhere or abs(lat_e7) > 900_000_000 or abs(lon_e7) > 1_800_000_000:
         return None
     return GeodeticPoint(lat_deg=lat_e7 / 1e7, lon_deg=lon_e7 / 1e7, altitude_amsl_m=altitude_mm / 1000)
