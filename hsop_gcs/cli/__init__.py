@@ -1,5 +1,8 @@
 """The command line: ``hsop-gcs COMMAND``. Each command lives in a module of its own and imports what it needs late."""
 
+import sys
+from typing import NoReturn
+
 import typer
 
 from hsop_gcs.errors import BadInput, HsopError
@@ -7,7 +10,6 @@ from hsop_gcs.errors import BadInput, HsopError
 app = typer.Typer(
     name="hsop-gcs",
     help="Place camera aircraft where they localize intruding drones best, and fly them there.",
-    no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -21,10 +23,17 @@ def main() -> None:
     for module in (demo, serve, simulate, plan):
         module.register(app)
     try:
-        app()
+        code = app(sys.argv[1:] or ["--help"], prog_name="hsop-gcs", standalone_mode=False)
     except BadInput as error:
-        typer.echo(f"hsop-gcs: {error}", err=True)
-        raise SystemExit(2) from None
+        _fail(error, 2)
+    except typer.TyperException as error:
+        _fail(error, error.exit_code)
     except HsopError as error:
-        typer.echo(f"hsop-gcs: {error}", err=True)
-        raise SystemExit(1) from None
+        _fail(error, 1)
+    raise SystemExit(code)
+
+
+def _fail(error: Exception, code: int) -> NoReturn:
+    message = error.format_message() if isinstance(error, typer.TyperException) else str(error)
+    typer.echo(f"hsop-gcs: {message}", err=True)
+    raise SystemExit(code)
