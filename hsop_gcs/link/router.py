@@ -12,7 +12,7 @@ Without I/O, like the machines below it: a recording can be played through it wi
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from hsop_gcs.link.codec import Decoder, Encoder, Frame
+from hsop_gcs.link.codec import Decoder, DecoderCounters, Encoder, Frame
 from hsop_gcs.link.enums import MavComponent
 from hsop_gcs.link.events import Event
 from hsop_gcs.link.identity import GROUND_STATION, Identity
@@ -50,6 +50,7 @@ class LinkCounters:
     refused: int
     """Frames that carried a vehicle's id but came from another peer than the one it is bound to."""
     peers_turned_away: int
+    """Datagrams from addresses beyond the number of peers we keep account of."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,6 +100,7 @@ class Router:
         self._sequences: dict[tuple[Peer, int, int], int] = {}
         self._tallies = {system: _Tally() for system in self.vehicles}
         self._strangers: dict[tuple[int, int], Stranger] = {}
+        self._forgotten = DecoderCounters()
         self._sent = self._lost = self._not_in_fleet = self._turned_away = 0
 
     def greet(self, peer: Peer) -> None:
@@ -109,7 +111,7 @@ class Router:
         """Take a datagram; returns the frames that were found in it, for a recording."""
         decoder = self._decoders.get(peer)
         if decoder is None:
-            if len(self._decoders) >= _MOST_PEERS:
+            if len(self._decoders) >= _MOST_PEERS and not self._forget_a_peer():
                 self._turned_away += 1
                 return []
             decoder = self._decoders[peer] = Decoder()
@@ -159,7 +161,7 @@ class Router:
     @property
     def counters(self) -> LinkCounters:
         """What went through since the start."""
-        decoders = [decoder.counters for decoder in self._decoders.values()]
+        decoders = [self._forgotten, *(decoder.counters for decoder in self._decoders.values())]
         return LinkCounters(
             received=sum(counters.frames for counters in decoders),
             sent=self._sent,
@@ -191,6 +193,19 @@ class Router:
             )
             for system, tally in self._tallies.items()
         )
+
+    def _forget_a_peer(self) -> bool:
+        """Make room by forgetting the oldest peer that is no vehicle's: a flood of addresses shall lock nobody out."""
+        bound = {tally.peer for tally in self._tallies.values()}
+        peer = next((peer for peer in self._decoders if peer not in bound), None)
+        if peer is None:
+            return False
+        counters = self._decoders.pop(peer).counters
+        self._forgotten.frames += counters.frames
+        self._forgotten.bad_frames += counters.bad_frames
+        self._forgotten.unknown += counters.unknown
+        self._sequences = {key: last for key, last in self._sequences.items() if key[0] != peer}
+        return True
 
     def _deliver(self, frame: Frame, peer: Peer, lost: int, now: float) -> None:
         vehicle, tally = self.vehicles[frame.system], self._tallies[frame.system]

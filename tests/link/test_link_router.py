@@ -135,14 +135,17 @@ def test_bad_bytes_are_counted() -> None:
     assert not router.vehicles[1].state.link_up
 
 
-def test_a_flood_of_addresses_is_turned_away_and_the_vehicle_still_heard() -> None:
-    router, vehicle, flood = Router([1]), Sender(1), Sender(2)
+def test_a_flood_of_addresses_locks_nobody_out() -> None:
+    router, vehicle, late, flood = Router([1, 3]), Sender(1), Sender(3), Sender(2)
     router.receive(vehicle(), HERE, 0.0)
     for port in range(1, 2000):
         router.receive(flood(), Peer(0, "10.0.0.1", port), 0.0)
-    assert router.counters.peers_turned_away > 0
     router.receive(vehicle(Attitude(yaw=1.0)), HERE, 1.0)
+    router.receive(late(), THERE, 1.0)
     assert router.vehicles[1].state.heading_deg == pytest.approx(57.3, abs=0.1)
+    assert router.vehicles[3].state.link_up
+    assert router.counters.received == 2002
+    assert len(router.strangers) == 1
 
 
 def test_a_gimbal_component_speaks_for_itself_and_not_for_the_vehicle() -> None:
