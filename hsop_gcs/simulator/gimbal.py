@@ -104,8 +104,10 @@ def quaternion(*, pitch_rad: float, yaw_rad: float) -> Quaternion:
 
 
 def pitch_yaw(q: tuple[float, ...]) -> tuple[float, float]:
-    """Return (pitch, yaw) of a quaternion (w, x, y, z), radians."""
+    """Return (pitch, yaw) of a quaternion (w, x, y, z), radians; NaN, MAVLink's "unused", if it is none."""
     w, x, y, z = q
+    if not all(map(math.isfinite, q)):
+        return math.nan, math.nan
     pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
     return pitch, math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 

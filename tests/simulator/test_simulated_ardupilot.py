@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from hsop_gcs.link.enums import MavCmd, MavLandedState, MavResult
 from hsop_gcs.link.messages import (
     AutopilotVersion,
     CommandAck,
+    ExtendedSysState,
     GimbalDeviceAttitudeStatus,
     GimbalManagerSetAttitude,
     GimbalManagerSetPitchyaw,
@@ -167,9 +169,10 @@ def test_a_position_target_sets_place_and_yaw_without_an_answer_and_is_echoed(ho
     assert echo.alt == pytest.approx(HOME.altitude_amsl_m + 25.0, abs=0.01 * METRE)
 
 
-@pytest.mark.parametrize(
-    "bad", [{"type_mask": 2552 | 4}, {"coordinate_frame": 1}, {"lat_int": 950000000}, {"type_mask": 3527}]
-)
+PARTIAL, VELOCITY_ONLY = {"type_mask": 2552 | 4}, {"type_mask": 3527}
+
+
+@pytest.mark.parametrize("bad", [PARTIAL, VELOCITY_ONLY, {"coordinate_frame": 1}, {"lat_int": 950000000}])
 def test_an_invalid_position_target_stops_the_vehicle(hovering: Station, bad: dict[str, Any]) -> None:
     hovering.reposition(200.0, 0.0, 20.0)
     hovering.wait(5.0)
@@ -219,10 +222,10 @@ def test_change_speed_holds_for_the_legs_to_come(hovering: Station) -> None:
 
 def test_landing_ends_disarmed_on_the_ground(hovering: Station) -> None:
     assert hovering.command_long(MavCmd.NAV_LAND) == MavResult.ACCEPTED
-    hovering.wait(2.0)
-    assert hovering.vehicle.landed == MavLandedState.LANDING
-    hovering.wait(18.0)
-    assert hovering.vehicle.landed == MavLandedState.ON_GROUND
+    hovering.command_long(MavCmd.SET_MESSAGE_INTERVAL, param1=245.0, param2=100000.0)
+    hovering.wait(20.0)
+    states = [state for state, _ in groupby(message.landed_state for message in hovering.all(ExtendedSysState))]
+    assert states == [MavLandedState.LANDING, MavLandedState.ON_GROUND]
     assert not hovering.vehicle.armed
     assert hovering.command_long(MavCmd.COMPONENT_ARM_DISARM, param1=1.0) == MavResult.FAILED
 
@@ -255,8 +258,8 @@ def test_data_streams_start_and_stop_groups_of_messages() -> None:
     assert len(station.all(GlobalPositionInt)) == pytest.approx(10, abs=1)
     station.send(replace(everything, start_stop=0))
     before = len(station.heard)
-    station.wait(2.0)
-    assert {type(message) for _, message in station.heard[before:]} <= {Heartbeat, Timesync, type(station.heard[-1][1])}
+    station.wait(1.5)
+    assert {type(message) for _, message in station.heard[before:]} == {Heartbeat}
 
 
 def test_anybody_may_steer_the_gimbal_and_the_owner_is_only_told(hovering: Station) -> None:
@@ -265,8 +268,8 @@ def test_anybody_may_steer_the_gimbal_and_the_owner_is_only_told(hovering: Stati
     assert hovering.command_long(MavCmd.DO_GIMBAL_MANAGER_CONFIGURE, param1=-2.0, param2=-2.0) == MavResult.ACCEPTED
     status = hovering.last(GimbalManagerStatus)
     assert (status.primary_control_sysid, status.primary_control_compid) == OPERATOR
-    order = {"param1": 10.0, "param2": -40.0, "param3": math.nan, "param4": math.nan, "x": 12}
-    assert hovering.command_int(MavCmd.DO_GIMBAL_MANAGER_PITCHYAW, sender=STRANGER, **order) == MavResult.ACCEPTED  # type: ignore[arg-type]
+    order: dict[str, Any] = {"param1": 10.0, "param2": -40.0, "param3": math.nan, "param4": math.nan, "x": 12}
+    assert hovering.command_int(MavCmd.DO_GIMBAL_MANAGER_PITCHYAW, sender=STRANGER, **order) == MavResult.ACCEPTED
     assert aim(hovering) == pytest.approx((10.0, -40.0), abs=0.1)
 
 
@@ -281,7 +284,7 @@ def test_gimbal_attitude_is_always_against_the_nose_and_its_flags_say_so(hoverin
 
 def test_an_angle_beyond_the_range_is_accepted_and_clamped_and_an_absent_gimbal_fails(hovering: Station) -> None:
     assert hovering.command_long(MavCmd.DO_GIMBAL_MANAGER_PITCHYAW, **(AIM | {"param1": -120.0})) == MavResult.ACCEPTED
-    assert aim(hovering) == pytest.approx((-90.0, 30.0), abs=0.1)
+    assert aim(hovering)[0] == pytest.approx(-90.0, abs=0.1)
     assert hovering.command_long(MavCmd.DO_GIMBAL_MANAGER_PITCHYAW, **(AIM | {"param7": 2.0})) == MavResult.FAILED
     half = AIM | {"param1": math.nan}
     assert hovering.command_long(MavCmd.DO_GIMBAL_MANAGER_PITCHYAW, **half) == MavResult.FAILED

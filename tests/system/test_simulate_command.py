@@ -1,0 +1,49 @@
+"""The command as a shell sees it."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from tests.system.simulator_process import START_TIMEOUT_S, simulator
+
+COMMAND = [sys.executable, "-m", "hsop_gcs", "simulate"]
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        (["--vehicles", "0"], "--vehicles: 0"),
+        (["--vehicles", "-3"], "--vehicles: -3"),
+        (["--autopilot", "betaflight"], "--autopilot: 'betaflight'"),
+        (["--origin", "95,0,0"], "--origin: latitude 95.0"),
+        (["--origin", "1,2"], "--origin: '1,2'"),
+        (["--origin", "1,nan,0"], "--origin: '1,nan,0'"),
+        (["--target", "14540"], "--target: '14540'"),
+        (["--target", "127.0.0.1:65535", "--vehicles", "2"], "--target: '127.0.0.1:65535'"),
+        (["--position", "1,2", "--vehicles", "2"], "--position: 1 given for 2"),
+        (["--speed-mps", "0"], "--speed-mps: 0.0"),
+        (["--loss", "1.5"], "--loss: 1.5"),
+    ],
+)
+def test_a_bad_option_is_one_line_that_names_it_and_its_value(options: list[str], complaint: str) -> None:
+    done = subprocess.run([*COMMAND, *options], capture_output=True, text=True, timeout=START_TIMEOUT_S, check=False)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1
+    assert complaint in done.stderr
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_cleanly(number: signal.Signals) -> None:
+    with subprocess.Popen([*COMMAND, "--local-port", "0"], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline().startswith("system 1: 127.0.0.1:")
+        process.send_signal(number)
+        assert process.wait(timeout=START_TIMEOUT_S) == 0
+
+
+def test_it_ends_when_its_parent_closes_standard_input() -> None:
+    with simulator("--autopilot", "ardupilot", vehicles=2) as running:
+        assert sorted(running.ports) == [1, 2]
