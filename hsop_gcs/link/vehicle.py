@@ -21,7 +21,7 @@ from hsop_gcs.link.events import (
 )
 from hsop_gcs.link.identity import GROUND_STATION, Identity
 from hsop_gcs.link.messages import CommandLong, Message
-from hsop_gcs.link.protocol.command import REPEATABLE, CommandLimits, CommandSender, Outcome, Request
+from hsop_gcs.link.protocol.command import INSISTENT, CommandLimits, CommandSender, Outcome, Request
 from hsop_gcs.link.protocol.gimbal import Gimbal, GimbalTolerances
 from hsop_gcs.link.protocol.heartbeat import Presence
 from hsop_gcs.link.protocol.hover import Hover, HoverLimits, HoverOrder, Phase, why_not_ready
@@ -204,7 +204,7 @@ class Vehicle:
         if message is None or not self.state.link_up:
             self._events.append(CommandFinished(system=self.system, command=name, problem="no link to the vehicle"))
             return
-        request = Request(message=message, key=name, tries=REPEATABLE, deadline_s=now + _OPERATOR_DEADLINE_S)
+        request = Request(message=message, key=name, tries=INSISTENT, deadline_s=now + _OPERATOR_DEADLINE_S)
         self._operator[self._commands.submit(request, now)] = name
         self._collect(now)
 

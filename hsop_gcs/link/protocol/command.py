@@ -29,6 +29,10 @@ ONCE = 1
 """Tries of a command whose late second copy could do harm: arming, taking off."""
 REPEATABLE = 3
 """Tries of a command that says the same however often it arrives: absolute targets, modes, requests."""
+INSISTENT = 6
+"""Tries of such a command where not knowing is worst: is the vehicle on its way, or not? A quarter of all frames lost
+each way leaves three tries without an answer 8 times in 100, six less than once.
+"""
 
 
 class Verdict(StrEnum):

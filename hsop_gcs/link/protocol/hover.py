@@ -37,7 +37,7 @@ from hsop_gcs.link.messages import (
     SetPositionTargetGlobalInt,
     StatusText,
 )
-from hsop_gcs.link.protocol.command import REPEATABLE, CommandSender, Outcome, Request
+from hsop_gcs.link.protocol.command import INSISTENT, REPEATABLE, CommandSender, Outcome, Request
 from hsop_gcs.link.protocol.telemetry import Telemetry, VehicleState
 
 _POSITION_AND_YAW = (
@@ -154,7 +154,7 @@ class Hover:
             y=round(order.point.lon_deg * 1e7),
             z=order.point.altitude_amsl_m,
         )
-        request = Request(message=message, key=_KEY, tries=REPEATABLE, deadline_s=order.deadline_s)
+        request = Request(message=message, key=_KEY, tries=INSISTENT, deadline_s=order.deadline_s)
         self._ticket = self._commands.submit(request, now)
 
     def stop(self, now: float) -> None:
