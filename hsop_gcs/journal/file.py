@@ -1,0 +1,127 @@
+"""The journal's file: one JSON object a line, numbered, each with a checksum; a torn end is cut off and told.
+
+    {"n": 1, "t": 1763800000.25, "kind": "report", "data": {...}, "crc": "1c291ca3"}
+
+A line is handed to the operating system before what it records takes effect, so that the end of the process (SIGKILL
+included) loses nothing; only a line that was being written can be torn, and that one had no effect yet.
+"""
+
+import json
+import os
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO, Self
+
+from hsop_gcs.errors import BadInput, Unavailable
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """One line: its number, its time in seconds since the Unix epoch, what it is and what it says."""
+
+    number: int
+    time_s: float
+    kind: str
+    data: Any
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Repair:
+    """What was cut off the end of a journal: a line that was not written to its end."""
+
+    bytes_cut: int
+    after_entry: int
+
+
+class Journal:
+    """Appends entries to a file. Opening an existing one repairs its end and goes on with its numbers."""
+
+    def __init__(self, path: Path) -> None:
+        """Open or create. Raises Unavailable if the file cannot be written, BadInput if it is damaged elsewhere."""
+        self.path = path
+        self.repair: Repair | None = None
+        self._number = 0
+        try:
+            if path.exists():
+                self._continue()
+            self._file: BinaryIO = path.open("ab", buffering=0)
+        except OSError as error:
+            raise Unavailable(f"journal {str(path)!r}: {error.strerror}") from error
+
+    def _continue(self) -> None:
+        good = 0
+        for entry, end in _entries(self.path):
+            self._number, good = entry.number, end
+        torn = self.path.stat().st_size - good
+        if torn:
+            os.truncate(self.path, good)
+            self.repair = Repair(bytes_cut=torn, after_entry=self._number)
+
+    def append(self, kind: str, data: Any, *, time_s: float) -> int:
+        """Write one entry and return its number. ``data``: what JSON can hold."""
+        self._number += 1
+        body = json.dumps(
+            {"n": self._number, "t": time_s, "kind": kind, "data": data}, ensure_ascii=False, separators=(",", ":")
+        )
+        line = f'{body[:-1]},"crc":"{zlib.crc32(body.encode()):08x}"}}\n'.encode()
+        self._file.write(line)
+        return self._number
+
+    def close(self) -> None:
+        """Close the file; what was appended is on its way to the disk."""
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def read(path: Path) -> Iterator[Entry]:
+    """Yield the entries of a journal; a torn last line is left out.
+
+    Raises BadInput that names the line if any other line is damaged or out of sequence, and if there is no such file.
+    """
+    for entry, _ in _entries(path):
+        yield entry
+
+
+def _entries(path: Path) -> Iterator[tuple[Entry, int]]:
+    """The sound entries with the offsets of their lines' ends. Only the last line may be unsound."""
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise BadInput(str(path), error.strerror or "cannot be read") from error
+    with file:
+        size = os.fstat(file.fileno()).st_size
+        end, expected = 0, 1
+        for raw in file:
+            entry = _parse(raw)
+            last = end + len(raw) == size
+            if entry is None and last:
+                return
+            if entry is None or entry.number != expected:
+                raise BadInput(str(path), f"line {expected} is damaged")
+            end, expected = end + len(raw), expected + 1
+            yield entry, end
+
+
+def _parse(raw: bytes) -> Entry | None:
+    """The entry of one line; None if it is not whole."""
+    if not raw.endswith(b'"}\n'):
+        return None
+    try:
+        text = raw.decode()
+        fields = json.loads(text)
+        body = text[: text.rindex(',"crc":')] + "}"
+        if f"{zlib.crc32(body.encode()):08x}" != fields["crc"]:
+            return None
+        return Entry(number=fields["n"], time_s=fields["t"], kind=fields["kind"], data=fields["data"])
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return None

@@ -1,0 +1,81 @@
+"""The journal's file: nothing written is lost, and a torn end is repaired and told."""
+
+import json
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hsop_gcs.errors import BadInput, Unavailable
+from hsop_gcs.journal import Journal, read
+
+values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3),
+    max_leaves=8,
+)
+
+
+def written(path: Path, count: int) -> bytes:
+    with Journal(path) as journal:
+        for k in range(count):
+            journal.append("report", {"k": k, "text": "näher"}, time_s=100.0 + k / 7)
+    return path.read_bytes()
+
+
+@given(values)
+def test_what_is_written_is_read_to_the_bit(tmp_path_factory: pytest.TempPathFactory, value: object) -> None:
+    path = tmp_path_factory.mktemp("journal") / "j"
+    with Journal(path) as journal:
+        assert journal.append("anything", value, time_s=1e9 / 3) == 1
+    (entry,) = read(path)
+    assert (entry.number, entry.time_s, entry.kind) == (1, 1e9 / 3, "anything")
+    assert json.dumps(entry.data) == json.dumps(value)
+
+
+def test_a_journal_goes_on_where_it_ended(tmp_path: Path) -> None:
+    written(tmp_path / "j", 3)
+    with Journal(tmp_path / "j") as journal:
+        assert journal.repair is None
+        assert journal.append("plan", None, time_s=0.0) == 4
+    assert [entry.number for entry in read(tmp_path / "j")] == [1, 2, 3, 4]
+
+
+def test_a_line_torn_at_any_byte_is_cut_off_and_told(tmp_path: Path) -> None:
+    path = tmp_path / "j"
+    whole = written(path, 3)
+    third = whole.index(b"\n", whole.index(b"\n") + 1) + 1
+    for size in range(third + 1, len(whole)):
+        path.write_bytes(whole[:size])
+        assert [entry.number for entry in read(path)] == [1, 2]
+        with Journal(path) as journal:
+            assert journal.repair is not None
+            assert (journal.repair.bytes_cut, journal.repair.after_entry) == (size - third, 2)
+            journal.append("report", {"k": 2}, time_s=1.0)
+        assert [entry.number for entry in read(path)] == [1, 2, 3]
+
+
+def test_damage_in_the_middle_is_not_passed_over(tmp_path: Path) -> None:
+    path = tmp_path / "j"
+    whole = written(path, 3)
+    path.write_bytes(whole.replace(b'"k":1', b'"k":9'))
+    with pytest.raises(BadInput, match="line 2 is damaged"):
+        list(read(path))
+    with pytest.raises(BadInput, match="line 2 is damaged"):
+        Journal(path)
+
+
+def test_a_missing_line_is_noticed(tmp_path: Path) -> None:
+    path = tmp_path / "j"
+    lines = written(path, 3).splitlines(keepends=True)
+    path.write_bytes(lines[0] + lines[2])
+    with pytest.raises(BadInput, match="line 2 is damaged"):
+        list(read(path))
+
+
+def test_a_place_that_cannot_be_written_is_said_so(tmp_path: Path) -> None:
+    with pytest.raises(Unavailable, match="journal"):
+        Journal(tmp_path / "no" / "such" / "place")
+    with pytest.raises(BadInput, match="No such file"):
+        list(read(tmp_path / "none"))
