@@ -22,11 +22,12 @@ from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
 from hsop_gcs.link.codec import Decoder, Encoder
 from hsop_gcs.link.enums import MavComponent
 from hsop_gcs.simulator.ardupilot import ArduCopter
+from hsop_gcs.simulator.body import VehicleConfig
 from hsop_gcs.simulator.channel import Channel, Impairment
 from hsop_gcs.simulator.flight import FlightLimits
 from hsop_gcs.simulator.gimbal import GimbalLimits
 from hsop_gcs.simulator.px4 import Px4
-from hsop_gcs.simulator.vehicle import Vehicle, VehicleConfig
+from hsop_gcs.simulator.vehicle import Vehicle
 
 Address = tuple[str, int]
 

@@ -50,11 +50,13 @@ from hsop_gcs.link.messages import (
     SysStatus,
     VfrHud,
 )
+from hsop_gcs.simulator.body import VehicleConfig
 from hsop_gcs.simulator.flight import FlightGoal, Point
 from hsop_gcs.simulator.gimbal import GimbalLimits, Identity, pitch_yaw, quaternion
+from hsop_gcs.simulator.orders import Order, whole
 from hsop_gcs.simulator.parameters import INT32, Parameter, Parameters
 from hsop_gcs.simulator.telemetry import e7
-from hsop_gcs.simulator.vehicle import Order, Vehicle, VehicleConfig, whole
+from hsop_gcs.simulator.vehicle import Vehicle
 
 
 class Mode(IntEnum):

@@ -42,7 +42,8 @@ class Streams:
         """Return the ids due by ``now``, each once, and schedule their next turn."""
         due = [message_id for message_id, at in self._due.items() if at <= now]
         for message_id in due:
-            late = now - self._due[message_id]
-            turns = math.floor(late / self._interval_s[message_id]) + 1
-            self._due[message_id] += turns * self._interval_s[message_id]
+            interval_s = self._interval_s[message_id]
+            self._due[message_id] += math.floor((now - self._due[message_id]) / interval_s) * interval_s
+            while self._due[message_id] <= now:
+                self._due[message_id] += interval_s
         return due

@@ -1,26 +1,20 @@
-"""What every simulated vehicle is: a body that flies, a gimbal, message streams, and an ear for orders.
+"""What every simulated vehicle is: a body that flies and a gimbal, with message streams and an ear for orders.
 
     frames -> receive ──> order ──> personality ──> result ──> COMMAND_ACK ──> what follows the acknowledgement
     clock  -> advance ──> body, gimbal, phase of flight ──> streamed messages
-
-    on the ground ──take-off──> spooling up ──> climbing ──reached, or another order──> in the air
-          ^                                                                                 │
-          └────────────── on the ground long enough ── landing (any goal below ground) <────┘
 
 The machine is without I/O: ``receive``, ``advance``, ``wake_at``, ``take_outgoing``. ``px4`` and ``ardupilot`` say how
 their stack answers; what both share stands here once. An order that is not in the personality's table is UNSUPPORTED.
 """
 
 import math
-from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
-from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
 from hsop_gcs.link.codec import Frame
-from hsop_gcs.link.enums import MavAutopilot, MavCmd, MavComponent, MavLandedState, MavResult, MavSeverity, MavType
+from hsop_gcs.link.enums import MavAutopilot, MavCmd, MavComponent, MavResult, MavSeverity, MavType
 from hsop_gcs.link.messages import (
     BatteryStatus,
     CommandAck,
@@ -40,69 +34,24 @@ from hsop_gcs.link.messages import (
     StatusText,
     Timesync,
 )
-from hsop_gcs.simulator.flight import STEP_S, FlightGoal, FlightLimits, FlightState, Point, step
-from hsop_gcs.simulator.gimbal import Gimbal, GimbalLimits, Identity
+from hsop_gcs.simulator.body import Body, VehicleConfig
+from hsop_gcs.simulator.gimbal import Identity
+from hsop_gcs.simulator.orders import Order, read_order, whole
 from hsop_gcs.simulator.parameters import Parameters
 from hsop_gcs.simulator.streams import Streams
 from hsop_gcs.simulator.telemetry import SAMPLERS, Situation, e7, mm
 
-_ENDURANCE_S = 25 * 60.0
-_REACHED_M = 0.3
-_TOUCHDOWN_S = 1.0
-_BELOW_GROUND_M = -0.5
 _STATUS_TEXT_LENGTH = 50
 _SHORTEST_INTERVAL_S = 0.01
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleConfig:
-    """One simulated aircraft. ``ready_after_s``: how long after boot its estimator has a position."""
-
-    system: int
-    home: GeodeticPoint
-    heading_rad: float = 0.0
-    airborne_m: float = 0.0
-    """Start armed and hovering at this height above home; 0 starts on the ground."""
-    ready_after_s: float = 2.0
-    wander_m: float = 0.05
-    """Bound of the slow wandering about the point where it means to hover."""
-    flight: FlightLimits = field(default_factory=FlightLimits)
-    gimbal: GimbalLimits = field(default_factory=GimbalLimits)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Order:
-    """A COMMAND_LONG or COMMAND_INT and who sent it. ``x``, ``y`` stand as sent: integers in a COMMAND_INT."""
-
-    command: int
-    p1: float
-    p2: float
-    p3: float
-    p4: float
-    x: float
-    y: float
-    z: float
-    frame: int
-    integer: bool
-    sender: Identity
-
-    @property
-    def lat_deg(self) -> float:
-        return self.x * 1e-7 if self.integer else self.x
-
-    @property
-    def lon_deg(self) -> float:
-        return self.y * 1e-7 if self.integer else self.y
 
 
 Handler = Callable[[Order], MavResult | None]
 
 
-class Vehicle:
-    """The shared half of both personalities. ``now`` is seconds on any clock that does not run backwards."""
+class Vehicle(Body):
+    """The shared half of both personalities."""
 
     AUTOPILOT: MavAutopilot
-    SPOOL_UP_S: float
     GPS_FIX: int
 
     def __init__(
@@ -113,29 +62,14 @@ class Vehicle:
         rng: np.random.Generator,
         now: float,
     ) -> None:
-        self.config = config
+        super().__init__(config, rng, now)
         self.parameters = parameters
-        self.home = config.home
-        self.local = LocalFrame(config.home)
-        self.armed = config.airborne_m > 0
-        self.landed = MavLandedState.IN_AIR if self.armed else MavLandedState.ON_GROUND
-        self.state = FlightState(position_m=(0.0, 0.0, config.airborne_m), heading_rad=config.heading_rad)
-        self.goal: FlightGoal | None = FlightGoal(position_m=self.state.position_m) if self.armed else None
-        self.gimbal = Gimbal(config.gimbal, pitch_rad=self.gimbal_rest_pitch_rad(config.gimbal))
-        self.roi: Point | None = None
-        self.ready = self.armed
         self.unheard = 0
         """Messages addressed to somebody else, or of a kind this vehicle does not listen to."""
-        self._legs: deque[FlightGoal] = deque()
         self._streams = Streams(streams, now)
         self._outgoing: list[Message] = []
         self._after_ack: list[Message] = []
-        self._boot_at = self._now = self._moved_until = now
-        self._lift_off_at: float | None = None
-        self._ground_contact_at: float | None = None
-        self._airborne_s = 0.0
         self._text_count = 0
-        self._wander_phases = tuple(float(phase) for phase in rng.uniform(0.0, 2 * math.pi, size=3))
         self._commands: dict[int, Handler] = {
             MavCmd.SET_MESSAGE_INTERVAL: self._set_message_interval,
             MavCmd.GET_MESSAGE_INTERVAL: self._get_message_interval,
@@ -165,7 +99,7 @@ class Vehicle:
             return
         match message:
             case CommandLong() | CommandInt():
-                self._command(_order(message, sender))
+                self._command(read_order(message, sender))
             case _:
                 self._hear(message, sender)
         self._flush()
@@ -173,10 +107,14 @@ class Vehicle:
     def advance(self, now: float) -> None:
         """Fly until ``now`` and send what falls due on the way."""
         while self._streams.next_due <= now:
-            self._fly_until(self._streams.next_due)
+            self._pass(self._streams.next_due)
             for message_id in self._streams.take_due(self._now):
                 self._queue(self.sample(message_id))
-        self._fly_until(now)
+        self._pass(now)
+
+    def _pass(self, now: float) -> None:
+        self.fly_until(now)
+        self._flush()
 
     def take_outgoing(self) -> list[Message]:
         """Hand over what is to be sent, oldest first."""
@@ -184,11 +122,6 @@ class Vehicle:
         return outgoing
 
     # What a personality must say
-
-    @staticmethod
-    def gimbal_rest_pitch_rad(limits: GimbalLimits) -> float:
-        """Where the gimbal looks before anybody has steered it."""
-        raise NotImplementedError
 
     def base_mode(self) -> int:
         raise NotImplementedError
@@ -202,21 +135,6 @@ class Vehicle:
     def interval_refused(self, message_id: int) -> MavResult:
         """What to answer when somebody wants a message streamed that this stack does not know."""
         raise NotImplementedError
-
-    def became_ready(self) -> None:
-        """The estimator has just found its position."""
-
-    def lifted_off(self) -> None:
-        """The motors have spooled up."""
-
-    def take_off_done(self) -> None:
-        """The take-off altitude is reached."""
-
-    def touched_down(self) -> None:
-        """The vehicle has stood on the ground long enough to believe it."""
-
-    def each_step(self, now: float) -> None:
-        """Called after every step of the flight."""
 
     # Orders both understand alike
 
@@ -283,124 +201,6 @@ class Vehicle:
         self._queue(self.sample(HomePosition.ID))
         return MavResult.ACCEPTED
 
-    # Flying
-
-    @property
-    def in_air(self) -> bool:
-        return self.landed != MavLandedState.ON_GROUND
-
-    def fly_to(self, *legs: FlightGoal) -> None:
-        """Leave whatever was being done and fly these legs, one after the other."""
-        self.goal = legs[0]
-        self._legs = deque(legs[1:])
-        if self.landed != MavLandedState.ON_GROUND:
-            self.landed = MavLandedState.IN_AIR
-
-    def hold(self) -> None:
-        """Stop and hover here."""
-        if self.in_air:
-            self.fly_to(FlightGoal(position_m=self.stopping_point_m))
-
-    @property
-    def stopping_point_m(self) -> Point:
-        """Where full braking along the present course ends."""
-        speed_mps = self.state.ground_speed_mps
-        seconds = speed_mps / (2 * self.config.flight.acceleration_mps2)
-        east, north, up = self.state.position_m
-        ve, vn, _ = self.state.velocity_mps
-        return east + ve * seconds, north + vn * seconds, up
-
-    def take_off_to(self, up_m: float) -> None:
-        """Spool up, then climb to ``up_m`` above the local origin."""
-        self.goal = FlightGoal(position_m=(*self.state.position_m[:2], up_m))
-        self._legs.clear()
-        self._lift_off_at = self._now + self.SPOOL_UP_S
-
-    def land(self, *before: FlightGoal) -> None:
-        """Fly ``before`` leg by leg, then descend where that ends until the ground stops it."""
-        where = before[-1].position_m if before else self.stopping_point_m
-        descent = FlightGoal(position_m=(where[0], where[1], _BELOW_GROUND_M))
-        self.fly_to(*before, descent)
-        if not before and self.in_air:
-            self.landed = MavLandedState.LANDING
-
-    def disarm(self) -> None:
-        """Stop the motors; in the air that ends on the ground."""
-        self.armed = False
-        self._lift_off_at = None
-        if self.in_air:
-            self.fly_to(FlightGoal(position_m=(*self.state.position_m[:2], 10 * _BELOW_GROUND_M), descent_mps=15.0))
-        else:
-            self.goal = None
-
-    def place_of(self, lat_deg: float, lon_deg: float, altitude_amsl_m: float) -> Point:
-        """Return local ENU, metres."""
-        point = GeodeticPoint(lat_deg=lat_deg, lon_deg=lon_deg, altitude_amsl_m=altitude_amsl_m)
-        east, north, up = (float(value) for value in self.local.to_enu(point))
-        return east, north, up
-
-    def outside_fence(self, target_m: Point, radius_m: float) -> bool:
-        home = self.local.to_enu(self.home)
-        return radius_m > 0 and math.hypot(target_m[0] - home[0], target_m[1] - home[1]) > radius_m
-
-    @property
-    def since_boot_s(self) -> float:
-        return self._now - self._boot_at
-
-    def _fly_until(self, now: float) -> None:
-        while self._moved_until + STEP_S <= now + 1e-9:
-            self._moved_until += STEP_S
-            self._now = max(self._now, self._moved_until)
-            self._step()
-        self._now = max(self._now, now)
-        self._flush()
-
-    def _step(self) -> None:
-        if not self.ready and self.since_boot_s >= self.config.ready_after_s:
-            self.ready = True
-            self.became_ready()
-        if self._lift_off_at is not None and self.armed and self._now >= self._lift_off_at:
-            self._lift_off_at = None
-            self.landed = MavLandedState.TAKEOFF
-            self.lifted_off()
-        if self.in_air and self.goal is not None:
-            self._airborne_s += STEP_S
-            self.state = step(self.state, self.goal, self.config.flight)
-            self._mind_the_goal(self.goal)
-        else:
-            self.state = self.state.halted()
-        if self.roi is not None:
-            self._look_at(self.roi)
-        self.gimbal.step(STEP_S, self.state.heading_rad)
-        self.each_step(self._now)
-
-    def _mind_the_goal(self, goal: FlightGoal) -> None:
-        off_m = math.dist(self.state.position_m, goal.position_m)
-        if off_m < _REACHED_M and math.hypot(*self.state.velocity_mps) < _REACHED_M:
-            if self.landed == MavLandedState.TAKEOFF:
-                self.landed = MavLandedState.IN_AIR
-                self.take_off_done()
-            elif self._legs:
-                self.goal = self._legs.popleft()
-        if self.goal is not None and self.goal.position_m[2] < 0 and not self._legs:
-            self.landed = MavLandedState.LANDING
-        if not self.state.on_ground or self.landed == MavLandedState.TAKEOFF:
-            self._ground_contact_at = None
-        elif self._ground_contact_at is None:
-            self._ground_contact_at = self._now
-        elif self._now - self._ground_contact_at >= _TOUCHDOWN_S:
-            self._ground_contact_at = None
-            self.landed = MavLandedState.ON_GROUND
-            self.goal = None
-            self._legs.clear()
-            self.touched_down()
-
-    def _look_at(self, target_m: Point) -> None:
-        east, north, up = (there - here for there, here in zip(target_m, self.state.position_m, strict=True))
-        self.gimbal.point(
-            pitch_rad=math.atan2(up, math.hypot(east, north)), yaw_rad=math.atan2(east, north), locked=True
-        )
-
     # Reporting
 
     @property
@@ -418,9 +218,7 @@ class Vehicle:
 
     def situation(self) -> Situation:
         """Return how the vehicle sees itself now."""
-        seen = self.state
-        if self.in_air and self.config.wander_m > 0:
-            seen = replace(seen, position_m=self._wandered(seen.position_m))
+        seen = replace(self.state, position_m=self.seen_position_m())
         return Situation(
             since_boot_s=self.since_boot_s,
             flight=seen,
@@ -429,14 +227,6 @@ class Vehicle:
             origin=self.local.origin,
             gps_fix=self.GPS_FIX,
         )
-
-    def _wandered(self, position_m: Point) -> Point:
-        """Return the position with a slow swing added whose length never exceeds the configured bound."""
-        east, north, up = (
-            value + self.config.wander_m / math.sqrt(3) * math.sin(0.3 * self.since_boot_s + phase)
-            for value, phase in zip(position_m, self._wander_phases, strict=True)
-        )
-        return east, north, up
 
     def say(self, text: str, severity: MavSeverity = MavSeverity.INFO, *, numbered: bool = False) -> None:
         """Send a status text, after the acknowledgement if an order is being answered; long ones in numbered chunks."""
@@ -488,10 +278,6 @@ class Vehicle:
             time_usec=round(self.since_boot_s * 1e6),
         )
 
-    @property
-    def battery_percent(self) -> int:
-        return max(0, 100 - math.floor(100 * self._airborne_s / _ENDURANCE_S))
-
     def _battery(self) -> BatteryStatus:
         return BatteryStatus(
             battery_function=1,
@@ -511,30 +297,3 @@ class Vehicle:
 
     def _extended_sys_state(self) -> ExtendedSysState:
         return ExtendedSysState(landed_state=self.landed)
-
-
-def whole(value: float) -> int:
-    """Return a parameter that means a whole number; what is no number at all means none, like 0."""
-    return round(value) if math.isfinite(value) else 0
-
-
-def _order(message: CommandLong | CommandInt, sender: Identity) -> Order:
-    x: float
-    y: float
-    if isinstance(message, CommandInt):
-        x, y, z, frame = message.x, message.y, message.z, message.frame
-    else:
-        x, y, z, frame = message.param5, message.param6, message.param7, 0
-    return Order(
-        command=message.command,
-        p1=message.param1,
-        p2=message.param2,
-        p3=message.param3,
-        p4=message.param4,
-        x=x,
-        y=y,
-        z=z,
-        frame=frame,
-        integer=isinstance(message, CommandInt),
-        sender=sender,
-    )

@@ -11,8 +11,9 @@ from hsop_gcs.link.codec import Decoder, Encoder, Frame
 from hsop_gcs.link.enums import MavCmd, MavResult
 from hsop_gcs.link.messages import CommandAck, CommandInt, CommandLong, Message, StatusText
 from hsop_gcs.simulator.ardupilot import ArduCopter
+from hsop_gcs.simulator.body import VehicleConfig
 from hsop_gcs.simulator.px4 import Px4
-from hsop_gcs.simulator.vehicle import Vehicle, VehicleConfig
+from hsop_gcs.simulator.vehicle import Vehicle
 
 Kind = TypeVar("Kind", bound=Message)
 

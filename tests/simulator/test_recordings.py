@@ -40,9 +40,9 @@ from hsop_gcs.link.messages import (
 )
 from hsop_gcs.link.tlog import read_tlog
 from hsop_gcs.simulator.ardupilot import ArduCopter
+from hsop_gcs.simulator.body import VehicleConfig
 from hsop_gcs.simulator.gimbal import GimbalLimits, pitch_yaw
 from hsop_gcs.simulator.px4 import Px4
-from hsop_gcs.simulator.vehicle import VehicleConfig
 from tests.simulator.station import Station
 
 DATA = Path(__file__).parents[1] / "data"
