@@ -35,10 +35,10 @@ from hsop_gcs.link.protocol.gimbal import separation_deg
 from hsop_gcs.link.protocol.hover import HoverOrder
 from hsop_gcs.link.vehicle import Vehicle
 from hsop_gcs.simulator.ardupilot import ArduCopter
+from hsop_gcs.simulator.body import VehicleConfig
 from hsop_gcs.simulator.channel import Channel, Impairment
 from hsop_gcs.simulator.gimbal import GimbalLimits
 from hsop_gcs.simulator.px4 import Px4
-from hsop_gcs.simulator.vehicle import VehicleConfig
 
 HOME = GeodeticPoint(lat_deg=47.0, lon_deg=8.0, altitude_amsl_m=500.0)
 LOCAL = LocalFrame(HOME)
