@@ -10,13 +10,15 @@ from hsop_gcs.placement.covering import CoveringPoses
 from hsop_gcs.placement.feasibility import CENTRAL, PERIPHERAL, Screen
 from hsop_gcs.placement.instance import FloatArray, Instance
 from hsop_gcs.placement.interior_point import INSIDE, Solution, margins, solve
-from hsop_gcs.placement.pair_sets import PairSet, all_pair_sets, observed_threats, observer_pair_sets
+from hsop_gcs.placement.pair_sets import PairSet, all_pair_sets, components, observed_threats, observer_pair_sets
 from hsop_gcs.placement.terms import IntArray, Views
 
 CHUNK = 128
 """Pair sets with cameras that are solved together."""
 STARTS = 1024
-"""Starts of a chunk, shared out evenly."""
+"""Starts of a chunk at most, shared out evenly ..."""
+HOSTS_STARTED = 4096
+"""... and hosts in all these starts together."""
 DRAWS_PER_START = 10
 """Random placements looked at for each start."""
 ROUGH_BARRIERS = (1e-1, 1e-2)
@@ -139,37 +141,75 @@ class Search:
     def all_choices(self, n_hosts: int) -> Iterator[Choice]:
         """Yield every feasible pair set with every choice of cameras."""
         for pair_set in self.feasible_pair_sets(n_hosts):
-            yield from self.choices(pair_set)
+            for choice in self.choices(pair_set):
+                yield choice
+                if self.late():
+                    return
 
     def solve_chunk(self, chunk: list[Choice]) -> None:
         """Solve choices together: draw starts from the hosts' poses, solve them roughly, and the best to the end."""
-        start, of_choice = self.starts(chunk, STARTS // len(chunk))
+        n_hosts = 1 + max(host for pair in chunk[0].pair_set for host in pair)
+        start, of_choice = self.starts(chunk, max(1, min(STARTS, HOSTS_STARTED // n_hosts) // len(chunk)))
         views = views_of(chunk).rows(of_choice)
         rough = solve(self.instance, start, views, barriers=ROUGH_BARRIERS, steps=40)
-        best = np.argsort(rough.cost, kind="stable")[:REFINED]
-        best = best[np.isfinite(rough.cost[best])]
         self.keep(chunk, rough, of_choice)
-        self.keep(
-            chunk, solve(self.instance, rough.batch[best], views.rows(best), barriers=FINE_BARRIERS), of_choice[best]
-        )
+        mixed, of_mixed = self.recombined(chunk, rough, of_choice)
+        batch, of_choice = np.concatenate([rough.batch, mixed]), np.concatenate([of_choice, of_mixed])
+        views = views_of(chunk).rows(of_choice)
+        log_cost = margins(self.instance, batch, views).log_cost
+        log_cost[: len(rough.cost)][np.isinf(rough.cost)] = np.inf
+        best = np.argsort(log_cost, kind="stable")[:REFINED]
+        fine = solve(self.instance, batch[best], views.rows(best), barriers=FINE_BARRIERS)
+        self.keep(chunk, fine, of_choice[best])
+
+    def recombined(self, chunk: list[Choice], rough: Solution, of_choice: IntArray) -> tuple[FloatArray, IntArray]:
+        """Put the best found for each part of a choice together; parts of the host-threat graph share no host.
+
+        Returns placements, (n, hosts, 4), and the numbers of their choices; none for choices of a single part.
+        """
+        terms = margins(self.instance, rough.batch, views_of(chunk).rows(of_choice))
+        mixed, of_mixed = [np.empty((0, *rough.batch.shape[1:]))], []
+        for k, choice in enumerate(chunk):
+            solved = np.flatnonzero((of_choice == k) & np.isfinite(rough.cost))
+            parts = components(choice.pair_set)
+            if len(parts) == 1 or not solved.size:
+                continue
+            poses = rough.batch[solved[0]].copy()
+            for hosts, threats in parts:
+                cheapest = solved[terms.pair_cost[solved][:, threats].sum(axis=1).argmin()]
+                poses[hosts] = rough.batch[cheapest, hosts]
+            mixed.append(poses[None])
+            of_mixed.append(k)
+        return np.concatenate(mixed), np.array(of_mixed, dtype=np.intp)
 
     def starts(self, chunk: list[Choice], per_choice: int, *, by_cost: bool = True) -> tuple[FloatArray, IntArray]:
         """Draw poses for every choice of a chunk and return the most promising, by cost or by feasibility alone.
 
+        Parts of the host-threat graph that share no host are ranked apart, and the best of each stand together.
         Returns the placements, (choices × per_choice, hosts, 4), and for each of them the number of its choice.
         """
         draws = DRAWS_PER_START * per_choice
-        drawn = []
-        for choice in chunk:
-            masks = observed_threats(choice.pair_set)
-            pools = [self.poses.poses(mask, central) for mask, central in zip(masks, choice.central, strict=True)]
-            drawn.append(np.stack([pool[self.rng.integers(len(pool), size=draws)] for pool in pools], axis=1))
-        batch = np.concatenate(drawn)
+        drawn = np.concatenate([self.draw(choice, draws) for choice in chunk])
         of_choice = np.arange(len(chunk))
-        terms = margins(self.instance, batch, views_of(chunk).rows(np.repeat(of_choice, draws)))
-        merit = np.where(terms.margin >= INSIDE, 0.0, 100 + terms.shaped) + (terms.log_cost if by_cost else 0.0)
-        promising = np.argsort(merit.reshape(len(chunk), draws), axis=1, kind="stable")[:, :per_choice]
-        return batch[(promising + draws * of_choice[:, None]).ravel()], np.repeat(of_choice, per_choice)
+        terms = margins(self.instance, drawn, views_of(chunk).rows(np.repeat(of_choice, draws)))
+        outside = np.where(terms.margin < INSIDE, 100 + terms.shaped, 0.0)
+        promising = np.empty((len(chunk), per_choice, *drawn.shape[1:]))
+        for k, choice in enumerate(chunk):
+            block = slice(k * draws, (k + 1) * draws)
+            parts = components(choice.pair_set) if by_cost else [(list(range(drawn.shape[1])), [])]
+            for hosts, threats in parts:
+                merit = np.log(terms.pair_cost[block, threats].sum(axis=1)) if by_cost else np.zeros(draws)
+                if len(parts) == 1:
+                    merit = merit + outside[block]
+                first = np.argsort(merit, kind="stable")[:per_choice]
+                promising[k][:, hosts] = drawn[block][first][:, hosts]
+        return promising.reshape(-1, *drawn.shape[1:]), np.repeat(of_choice, per_choice)
+
+    def draw(self, choice: Choice, count: int) -> FloatArray:
+        """Draw placements at random, each host from the poses that see its own threats: (count, hosts, 4)."""
+        masks = observed_threats(choice.pair_set)
+        pools = [self.poses.poses(mask, central) for mask, central in zip(masks, choice.central, strict=True)]
+        return np.stack([pool[self.rng.integers(len(pool), size=count)] for pool in pools], axis=1)
 
     def keep(self, chunk: list[Choice], solution: Solution, of_choice: IntArray) -> None:
         """Constraints-Check, and remember the solution if it is the cheapest so far (Algorithm 3, lines 7-9)."""

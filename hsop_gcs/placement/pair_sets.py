@@ -44,6 +44,16 @@ def observed_threats(pair_set: PairSet) -> list[int]:
     return masks
 
 
+def components(pair_set: PairSet) -> list[tuple[list[int], list[int]]]:
+    """Return the connected parts of the host-threat graph, hosts and threats of each; no part shares a host."""
+    parts: list[tuple[set[int], list[int]]] = []
+    for threat, pair in enumerate(pair_set):
+        joined = [part for part in parts if not part[0].isdisjoint(pair)]
+        parts = [part for part in parts if part[0].isdisjoint(pair)]
+        parts.append((set(pair).union(*(h for h, _ in joined)), sorted([threat, *(t for _, ts in joined for t in ts)])))
+    return [(sorted(hosts), threats) for hosts, threats in parts]
+
+
 def distinct_pairs(pair_set: PairSet, n_hosts: int, n_threats: int) -> Iterator[Pair]:
     """Yield the next threat's pairs, one of each kind that renaming hosts cannot turn into another.
 

@@ -47,6 +47,8 @@ class Terms:
     """(B,): logarithm of Eq. 8; 0 where no cost was asked for."""
     log_cost_slope: FloatArray
     """(B, H, 4)"""
+    pair_cost: FloatArray
+    """(B, pairs): each pair's share of Eq. 8, weight included; empty where no cost was asked for."""
     margin: FloatArray
     """(B,): smallest relative margin."""
     shaped: FloatArray
@@ -114,9 +116,9 @@ def evaluate(instance: Instance, batch: FloatArray, views: Views, shape: Shape, 
             by_off_pan -= np.where(beyond_any_field, 0.0, slope * side / instance.half_fov_rad)
 
     shaped_slope = _gather(hosts, views, east, north, distance, by_length, by_off_axis, by_off_pan)
-    log_cost, log_cost_slope = np.zeros(b), np.zeros_like(batch)
+    log_cost, log_cost_slope, pair_cost = np.zeros(b), np.zeros_like(batch), np.empty((b, 0))
     if with_cost:
-        log_cost, log_cost_slope = _log_cost(instance, hosts, views, east, north, distance, size, size_slope)
+        log_cost, log_cost_slope, pair_cost = _log_cost(instance, hosts, views, east, north, distance, size, size_slope)
     if instance.whole_paths:
         value, smallest, slope = _path_margins(instance, batch, shape)
         shaped, margin = shaped + value, np.minimum(margin, smallest)
@@ -125,7 +127,7 @@ def evaluate(instance: Instance, batch: FloatArray, views: Views, shape: Shape, 
         value, smallest, slope = _separation_margins(instance, batch, shape)
         shaped, margin = shaped + value, np.minimum(margin, smallest)
         shaped_slope[:, :, :2] += slope
-    return Terms(log_cost, log_cost_slope, margin, shaped, shaped_slope)
+    return Terms(log_cost, log_cost_slope, pair_cost, margin, shaped, shaped_slope)
 
 
 def _gather(
@@ -167,8 +169,8 @@ def _log_cost(
     distance: FloatArray,
     size: FloatArray,
     size_slope: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Return log of Eq. 8, (B,), and its slope, (B, H, 4).
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return log of Eq. 8, (B,), its slope, (B, H, 4), and the cost of each pair, (B, pairs).
 
     With d/α = d² / (scale · size) and sin θ = |cross| / (d₁ d₂), a pair's cost at a point is
     d₁³ d₂³ / (scale₁ size₁ scale₂ size₂ |cross|), cross being the cross product of the two rays.
@@ -183,6 +185,7 @@ def _log_cost(
     largest = log_terms.max(axis=(1, 2), keepdims=True)
     shares = np.exp(log_terms - largest)
     total = shares.sum(axis=(1, 2), keepdims=True)
+    pair_cost = shares.sum(axis=2) * np.exp(largest[:, :, 0])
     shares = shares / total
     of_view = np.repeat(shares, 2, axis=1)
     slope = _gather(
@@ -201,7 +204,7 @@ def _log_cost(
     per_view[:, ::2, 1] = -(by_cross * e2).sum(axis=2)
     per_view[:, 1::2, 0] = -(by_cross * n1).sum(axis=2)
     per_view[:, 1::2, 1] = (by_cross * e1).sum(axis=2)
-    return (largest + np.log(total))[:, 0, 0], slope + _sum_by_host(hosts, views, per_view)
+    return (largest + np.log(total))[:, 0, 0], slope + _sum_by_host(hosts, views, per_view), pair_cost
 
 
 def _path_margins(instance: Instance, batch: FloatArray, shape: Shape) -> tuple[FloatArray, FloatArray, FloatArray]:
