@@ -19,8 +19,10 @@ STARTS = 1024
 """Starts of a chunk at most, shared out evenly ..."""
 HOSTS_STARTED = 4096
 """... and hosts in all these starts together."""
-DRAWS_PER_START = 10
+DRAWS_PER_START = 100
 """Random placements looked at for each start."""
+APPRAISED = 2048
+"""Random placements looked at together: what fits a processor's cache."""
 ROUGH_BARRIERS = (1e-1, 1e-2)
 FINE_BARRIERS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 REFINED = 48
@@ -191,19 +193,28 @@ class Search:
         draws = DRAWS_PER_START * per_choice
         drawn = np.concatenate([self.draw(choice, draws) for choice in chunk])
         of_choice = np.arange(len(chunk))
-        terms = margins(self.instance, drawn, views_of(chunk).rows(np.repeat(of_choice, draws)))
-        outside = np.where(terms.margin < INSIDE, 100 + terms.shaped, 0.0)
+        pair_cost, outside = self.appraise(drawn, views_of(chunk).rows(np.repeat(of_choice, draws)))
         promising = np.empty((len(chunk), per_choice, *drawn.shape[1:]))
         for k, choice in enumerate(chunk):
             block = slice(k * draws, (k + 1) * draws)
             parts = components(choice.pair_set) if by_cost else [(list(range(drawn.shape[1])), [])]
             for hosts, threats in parts:
-                merit = np.log(terms.pair_cost[block, threats].sum(axis=1)) if by_cost else np.zeros(draws)
+                merit = np.log(pair_cost[block, threats].sum(axis=1)) if by_cost else np.zeros(draws)
                 if len(parts) == 1:
                     merit = merit + outside[block]
                 first = np.argsort(merit, kind="stable")[:per_choice]
                 promising[k][:, hosts] = drawn[block][first][:, hosts]
         return promising.reshape(-1, *drawn.shape[1:]), np.repeat(of_choice, per_choice)
+
+    def appraise(self, batch: FloatArray, views: Views) -> tuple[FloatArray, FloatArray]:
+        """Return the pairs' costs, (B, pairs), and what counts against placements without positive margins, (B,)."""
+        pair_costs, against = [], []
+        for begin in range(0, len(batch), APPRAISED):
+            some = np.arange(begin, min(begin + APPRAISED, len(batch)))
+            terms = margins(self.instance, batch[some], views.rows(some))
+            pair_costs.append(terms.pair_cost)
+            against.append(np.where(terms.margin < INSIDE, 100 + terms.shaped, 0.0))
+        return np.concatenate(pair_costs), np.concatenate(against)
 
     def draw(self, choice: Choice, count: int) -> FloatArray:
         """Draw placements at random, each host from the poses that see its own threats: (count, hosts, 4)."""
