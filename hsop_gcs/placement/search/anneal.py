@@ -12,7 +12,7 @@ import numpy as np
 
 from hsop_gcs.placement.search.chance import State as Chance
 from hsop_gcs.placement.search.chance import below, bell, uniform
-from hsop_gcs.placement.search.compiled import kernel
+from hsop_gcs.placement.search.compiled import kernel, lean_kernel
 from hsop_gcs.placement.search.model import (
     CENTRAL,
     PERIPHERAL,
@@ -78,7 +78,7 @@ def copy_state(source: State, target: State) -> None:
     target.window[:] = source.window
 
 
-@kernel
+@lean_kernel
 def set_view(s: State, threat: int, end: int, host: int, camera: int) -> None:
     """Give one end of a threat's pair to a host (-1: to nobody)."""
     view = 2 * threat + end
@@ -97,7 +97,7 @@ def set_view(s: State, threat: int, end: int, host: int, camera: int) -> None:
         s.degree[host] += 1
 
 
-@kernel
+@lean_kernel
 def refresh_threat(q: Question, s: State, threat: int) -> None:
     """Recompute the energy of a threat."""
     s.cost[threat], s.violation[threat] = edge_energy(
@@ -112,7 +112,7 @@ def refresh_threat(q: Question, s: State, threat: int) -> None:
     )
 
 
-@kernel
+@lean_kernel
 def refresh_host(q: Question, s: State, host: int) -> None:
     """Recompute everything a host's pose and views decide, crowding excepted."""
     for n in range(s.degree[host]):
@@ -120,7 +120,7 @@ def refresh_host(q: Question, s: State, host: int) -> None:
     s.window[host] = host_violation(q, s.positions, host, s.incident[host], s.degree[host], s.cameras)
 
 
-@kernel
+@lean_kernel
 def refresh(q: Question, s: State) -> None:
     """Recompute everything."""
     for threat in range(s.pairs.shape[0]):
@@ -129,17 +129,21 @@ def refresh(q: Question, s: State) -> None:
         s.window[host] = host_violation(q, s.positions, host, s.incident[host], s.degree[host], s.cameras)
 
 
-@kernel
+@lean_kernel
 def totals(q: Question, s: State) -> tuple[float, float]:
     """Return the cost and the violation of the whole state."""
-    violation = s.violation.sum() + s.window.sum()
-    if q.separation_m > 0:
-        for host in range(s.degree.shape[0]):
+    cost = violation = 0.0
+    for threat in range(s.cost.shape[0]):
+        cost += s.cost[threat]
+        violation += s.violation[threat]
+    for host in range(s.window.shape[0]):
+        violation += s.window[host]
+        if q.separation_m > 0:
             violation += 0.5 * crowding(q, s.positions, host)
-    return s.cost.sum(), violation
+    return cost, violation
 
 
-@kernel
+@lean_kernel
 def keep_clear(q: Question, s: State, host: int) -> None:
     """Push a host out of the safety zones that count for it."""
     radius = q.safety_m * (1 + 1e-7)
@@ -174,7 +178,7 @@ def keep_clear(q: Question, s: State, host: int) -> None:
             break
 
 
-@kernel
+@lean_kernel
 def turn_towards(q: Question, s: State, host: int, threat: int, share: float) -> None:
     """Point the fisheye axis at a point of a threat's path."""
     x = q.points_m[threat, 0, 0] * (1 - share) + q.points_m[threat, 1, 0] * share - s.positions[host, 0]
@@ -185,7 +189,7 @@ def turn_towards(q: Question, s: State, host: int, threat: int, share: float) ->
         s.axes[host, 1] = y / d
 
 
-@kernel
+@lean_kernel
 def turn_by(s: State, host: int, angle: float) -> None:
     """Turn the fisheye axis clockwise."""
     c, d = math.cos(angle), math.sin(angle)
@@ -196,7 +200,7 @@ def turn_by(s: State, host: int, angle: float) -> None:
     s.axes[host, 1] = y * n
 
 
-@kernel
+@lean_kernel
 def jump(q: Question, s: State, host: int, threat: int, end: int, chance: Chance) -> None:
     """Put a host near one end of a threat's path, often at a right angle to its partner, and turn it there."""
     k = below(chance, 2)
@@ -213,7 +217,7 @@ def jump(q: Question, s: State, host: int, threat: int, end: int, chance: Chance
     turn_towards(q, s, host, threat, uniform(chance))
 
 
-@kernel
+@lean_kernel
 def mirror(q: Question, s: State, host: int, threat: int, end: int) -> None:
     """Put a host on the other side of a threat's path (of the partner's line of sight, when the threat is at rest)."""
     ax, ay = q.points_m[threat, 0, 0], q.points_m[threat, 0, 1]
@@ -233,13 +237,13 @@ def mirror(q: Question, s: State, host: int, threat: int, end: int) -> None:
     s.axes[host, 0], s.axes[host, 1] = 2 * turn * ux - s.axes[host, 0], 2 * turn * uy - s.axes[host, 1]
 
 
-@kernel
+@lean_kernel
 def propose_pose(q: Question, s: State, host: int, reach_m: float, chance: Chance) -> None:
     """Change one host's pose: mostly a step of random scale up to ``reach_m``, sometimes a turn, a jump or a mirror image."""
     kind = uniform(chance)
     view = s.incident[host, below(chance, s.degree[host])]
     if kind < 0.72:
-        scale = 10 ** (-3 * uniform(chance))
+        scale = math.exp(-7 * uniform(chance))
         sigma = reach_m * scale
         s.positions[host, 0] += sigma * bell(chance)
         s.positions[host, 1] += sigma * bell(chance)
@@ -251,7 +255,7 @@ def propose_pose(q: Question, s: State, host: int, reach_m: float, chance: Chanc
         if uniform(chance) < 0.3:
             turn_towards(q, s, host, view // 2, uniform(chance))
         else:
-            turn_by(s, host, 0.05 * reach_m * 10 ** (-3 * uniform(chance)) * bell(chance))
+            turn_by(s, host, 0.05 * reach_m * math.exp(-7 * uniform(chance)) * bell(chance))
         return
     elif kind < 0.95:
         jump(q, s, host, view // 2, view % 2, chance)
@@ -260,7 +264,15 @@ def propose_pose(q: Question, s: State, host: int, reach_m: float, chance: Chanc
     keep_clear(q, s, host)
 
 
-@kernel
+@lean_kernel
+def accepted(more: float, temperature: float, chance: Chance) -> bool:
+    """Decide whether to take a change of energy (Metropolis)."""
+    if more <= 0:
+        return True
+    return temperature > 0 and uniform(chance) < math.exp(-more / temperature)
+
+
+@lean_kernel
 def try_pose(
     q: Question, s: State, host: int, reach_m: float, penalty: float, temperature: float, chance: Chance, trial: Floats
 ) -> tuple[float, float]:
@@ -286,7 +298,7 @@ def try_pose(
         )
         more_cost += trial[n, 0] - s.cost[threat]
         more_violation += trial[n, 1] - s.violation[threat]
-    if more_cost + penalty * more_violation <= -temperature * math.log(1 - uniform(chance)):
+    if accepted(more_cost + penalty * more_violation, temperature, chance):
         s.window[host] = window
         for n in range(s.degree[host]):
             threat = s.incident[host, n] // 2
@@ -298,7 +310,7 @@ def try_pose(
     return 0.0, 0.0
 
 
-@kernel
+@lean_kernel
 def try_regroup(
     q: Question,
     s: State,
@@ -354,7 +366,7 @@ def try_regroup(
         try_pose(q, s, new if n % 2 == 0 else old, reach_m, penalty, 0.0, chance, trial)
     new_cost, new_violation = totals(q, s)
     more_cost, more_violation = new_cost - cost, new_violation - violation
-    if more_cost + penalty * more_violation <= -temperature * math.log(1 - uniform(chance)):
+    if accepted(more_cost + penalty * more_violation, temperature, chance):
         return more_cost, more_violation
     if other_threat >= 0:
         set_view(s, other_threat, other_end, freed, saved_other)
@@ -368,7 +380,7 @@ def try_regroup(
     return 0.0, 0.0
 
 
-@kernel
+@lean_kernel
 def try_camera(
     q: Question, s: State, threat: int, end: int, penalty: float, temperature: float, chance: Chance
 ) -> tuple[float, float]:
@@ -380,14 +392,14 @@ def try_camera(
     s.window[host] = host_violation(q, s.positions, host, s.incident[host], s.degree[host], s.cameras)
     more_cost = s.cost[threat] - cost
     more_violation = s.violation[threat] - violation + s.window[host] - window
-    if more_cost + penalty * more_violation <= -temperature * math.log(1 - uniform(chance)):
+    if accepted(more_cost + penalty * more_violation, temperature, chance):
         return more_cost, more_violation
     s.cameras[threat, end] = 1 - s.cameras[threat, end]
     s.cost[threat], s.violation[threat], s.window[host] = cost, violation, window
     return 0.0, 0.0
 
 
-@kernel
+@lean_kernel
 def scatter(q: Question, s: State, chance: Chance) -> None:
     """Fill an empty state at random: hosts near threats, every threat seen by two, every host used."""
     threats, hosts = s.pairs.shape[0], s.degree.shape[0]
@@ -430,12 +442,14 @@ def anneal(
     hot: float,
     cold: float,
     reach_m: float,
+    stiffness: float,
     chance: Chance,
 ) -> tuple[float, float]:
     """Anneal the given hosts and threats in ``s``; the rest stands still. Leaves the best state in ``best``.
 
     ``threats`` must be seen by ``hosts`` only. ``hot`` and ``cold`` are the first and last temperature relative to the cost
-    of an average threat, ``reach_m`` the longest steps at first. Returns cost and violation of ``best``.
+    of an average threat, ``reach_m`` the longest steps at first, ``stiffness`` the first price of a violation of 1, relative
+    to the same. Returns cost and violation of ``best``.
     """
     trial = np.empty((s.pairs.shape[0], 2))
     cost, violation = totals(q, s)
@@ -450,7 +464,7 @@ def anneal(
         for i in range(threats.size):
             mean += s.cost[threats[i]] / threats.size
         temperature = mean * hot * (cold / hot) ** progress
-        penalty = mean * 3 * 20**progress
+        penalty = mean * stiffness * 20**progress
         reach = max(0.3, reach_m * (1 - progress) ** 2)
         for _ in range(chunk):
             kind = uniform(chance)

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from hsop_gcs.placement.search.compiled import kernel
+from hsop_gcs.placement.search.compiled import lean_kernel
 
 State = npt.NDArray[np.uint64]
 """One number, advanced by every draw."""
@@ -19,7 +19,7 @@ def seeded(*words: int) -> State:
     return np.random.SeedSequence(words).generate_state(1, np.uint64)
 
 
-@kernel
+@lean_kernel
 def uniform(state: State) -> float:
     """Draw from [0, 1)."""
     state[0] = state[0] + _STEP
@@ -30,13 +30,13 @@ def uniform(state: State) -> float:
     return float(z >> _11) * (1.0 / 9007199254740992.0)
 
 
-@kernel
+@lean_kernel
 def below(state: State, count: int) -> int:
     """Draw an integer from 0 to count - 1."""
     return int(uniform(state) * count)
 
 
-@kernel
+@lean_kernel
 def bell(state: State) -> float:
     """Draw a symmetric bell-shaped number of unit variance, never beyond 3.5."""
     return (uniform(state) + uniform(state) + uniform(state) + uniform(state) - 2.0) * 1.7320508075688772

@@ -12,3 +12,7 @@ def kernel(function: Kernel) -> Kernel:
     """Compile ``function`` on first call: no bounds checks, no interpreter lock, division by zero gives infinity."""
     return cast(Kernel, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
 
+
+def lean_kernel(function: Kernel) -> Kernel:
+    """Compile a function that allocates nothing: its arrays are not reference-counted, which costs more than small sums."""
+    return cast(Kernel, numba.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)(function))

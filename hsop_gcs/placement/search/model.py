@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from hsop_gcs.placement.search.compiled import kernel
+from hsop_gcs.placement.search.compiled import lean_kernel
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -36,6 +36,7 @@ class Question(NamedTuple):
     distortion: Floats
     """k1..k4 of the fisheyes (Eq. 1)."""
     fov_rad: float
+    fov_cosine: float
     safety_m: float
     separation_m: float
     """0: hosts may stand anywhere relative to each other."""
@@ -47,7 +48,7 @@ class Question(NamedTuple):
     """Equal to the floor: plane geometry."""
 
 
-@kernel
+@lean_kernel
 def relative_size(cosine: float, distortion: Floats) -> float:
     """Return θ_d / tan θ for the angle θ = arccos(cosine) from the nearer boresight, cosine >= 0 (Eq. 2)."""
     theta = math.acos(min(1.0, cosine))
@@ -59,7 +60,7 @@ def relative_size(cosine: float, distortion: Floats) -> float:
     return theta * lens * cosine / math.sqrt(1 - cosine * cosine)
 
 
-@kernel
+@lean_kernel
 def pair_cost(q: Question, first: float, second: float, sine: float) -> float:
     """Return the cost of one point seen with two factors at an intersection angle of the given sine (Eq. 8).
 
@@ -71,7 +72,7 @@ def pair_cost(q: Question, first: float, second: float, sine: float) -> float:
     return first * second / sine
 
 
-@kernel
+@lean_kernel
 def threat_cost(q: Question, threat: int, both_points: float) -> float:
     """Return a threat's cost from the sum over its points; rms: weight times the root of their mean."""
     if q.rms:
@@ -79,7 +80,7 @@ def threat_cost(q: Question, threat: int, both_points: float) -> float:
     return q.weight[threat] * both_points
 
 
-@kernel
+@lean_kernel
 def edge_energy(
     q: Question, positions: Floats, axes: Floats, threat: int, i: int, j: int, camera_i: int, camera_j: int
 ) -> tuple[float, float]:
@@ -118,7 +119,7 @@ def edge_energy(
     return threat_cost(q, threat, cost), violation
 
 
-@kernel
+@lean_kernel
 def path_offset(q: Question, threat: int, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Return the vector from the nearest point of a threat's predicted path to (x, y, z)."""
     ax, ay, az = q.points_m[threat, 0, 0], q.points_m[threat, 0, 1], q.points_m[threat, 0, 2]
@@ -130,7 +131,7 @@ def path_offset(q: Question, threat: int, x: float, y: float, z: float) -> tuple
     return x - ax - s * bx, y - ay - s * by, z - az - s * bz
 
 
-@kernel
+@lean_kernel
 def wrapped(angle: float) -> float:
     """Return the angle in (-π, π]."""
     if angle > math.pi:
@@ -140,7 +141,7 @@ def wrapped(angle: float) -> float:
     return angle
 
 
-@kernel
+@lean_kernel
 def view_window(
     q: Question, positions: Floats, host: int, incident: Ints, degree: int, cameras: Ints
 ) -> tuple[float, float, float, float, int]:
@@ -176,13 +177,10 @@ def view_window(
     return reference + low, reference + high, down, up, count
 
 
-@kernel
-def host_violation(q: Question, positions: Floats, host: int, incident: Ints, degree: int, cameras: Ints) -> float:
-    """Return how far one host's central window exceeds the field of view, and how far it stands inside safety zones."""
+@lean_kernel
+def path_violation(q: Question, positions: Floats, host: int) -> float:
+    """Return how far a host stands inside the safety zones around whole paths."""
     violation = 0.0
-    low, high, down, up, count = view_window(q, positions, host, incident, degree, cameras)
-    if count > 0:
-        violation += max(0.0, high - low - q.fov_rad) + max(0.0, up - down - q.fov_rad)
     if q.whole_path:
         for threat in range(q.points_m.shape[0]):
             x, y, z = path_offset(q, threat, positions[host, 0], positions[host, 1], positions[host, 2])
@@ -190,7 +188,32 @@ def host_violation(q: Question, positions: Floats, host: int, incident: Ints, de
     return violation
 
 
-@kernel
+@lean_kernel
+def host_violation(q: Question, positions: Floats, host: int, incident: Ints, degree: int, cameras: Ints) -> float:
+    """Return how far one host's central window exceeds the field of view, and how far it stands inside safety zones."""
+    violation = 0.0
+    if q.ceiling_m <= q.floor_m:
+        alone = -1
+        for n in range(degree):
+            view = incident[n]
+            if cameras[view // 2, view % 2] == CENTRAL:
+                alone = view // 2 if alone == -1 else -2
+        if alone >= 0:
+            ex, ey = q.points_m[alone, 0, 0] - positions[host, 0], q.points_m[alone, 0, 1] - positions[host, 1]
+            gx, gy = q.points_m[alone, 1, 0] - positions[host, 0], q.points_m[alone, 1, 1] - positions[host, 1]
+            inner = ex * gx + ey * gy
+            if inner < q.fov_cosine * math.sqrt((ex * ex + ey * ey) * (gx * gx + gy * gy)):
+                violation += abs(math.atan2(ex * gy - ey * gx, inner)) - q.fov_rad
+            alone = -1
+        if alone == -1:
+            return violation + path_violation(q, positions, host)
+    low, high, down, up, count = view_window(q, positions, host, incident, degree, cameras)
+    if count > 0:
+        violation += max(0.0, high - low - q.fov_rad) + max(0.0, up - down - q.fov_rad)
+    return violation + path_violation(q, positions, host)
+
+
+@lean_kernel
 def crowding(q: Question, positions: Floats, host: int) -> float:
     """Return how far a host intrudes into the separation from all others."""
     violation = 0.0

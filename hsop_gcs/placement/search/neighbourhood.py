@@ -12,6 +12,9 @@ from hsop_gcs.placement.search.model import Ints, Question
 from hsop_gcs.placement.search.polish import polish
 
 POLISH_STEPS = 80
+STIFFNESS = 3.0
+MENDING_STIFFNESS = 60.0
+"""Of penalties while no placement keeps every rule: cost matters little then."""
 
 
 @kernel
@@ -51,11 +54,13 @@ def better(cost: float, violation: float, than_cost: float, than_violation: floa
 
 
 @kernel
-def fresh(q: Question, s: State, trial: State, moves: int, hot: float, cold: float, reach_m: float, chance: Chance) -> None:
+def fresh(
+    q: Question, s: State, trial: State, moves: int, hot: float, cold: float, reach_m: float, chance: Chance
+) -> None:
     """Anneal an empty state from random poses, leaving the polished result in ``s``."""
     scatter(q, trial, chance)
     hosts = np.arange(s.degree.shape[0])
-    anneal(q, trial, s, hosts, np.arange(s.pairs.shape[0]), moves, hot, cold, reach_m, chance)
+    anneal(q, trial, s, hosts, np.arange(s.pairs.shape[0]), moves, hot, cold, reach_m, STIFFNESS, chance)
     polish(q, s, np.ones(hosts.size, np.int64), POLISH_STEPS)
 
 
@@ -78,9 +83,10 @@ def improve(
             inside[threat] = marks[s.pairs[threat, 0]] * marks[s.pairs[threat, 1]]
         hot = 10 ** (-2 + 2 * uniform(chance))
         copy_state(s, trial)
-        anneal(
-            q, trial, best, chosen, marked(inside), moves_per_host * chosen.size, hot, 2e-3, reach_m * uniform(chance), chance
-        )
+        stiffness = MENDING_STIFFNESS if violation > 0 else STIFFNESS
+        reach = reach_m * uniform(chance)
+        moves = moves_per_host * chosen.size
+        anneal(q, trial, best, chosen, marked(inside), moves, hot, 2e-3, reach, stiffness, chance)
         new_cost, new_violation = totals(q, best)
         if new_violation <= 0 and (violation > 0 or new_cost < cost * 1.05):
             polish(q, best, marks, POLISH_STEPS)

@@ -12,7 +12,16 @@ import numpy as np
 
 from hsop_gcs.placement.search.anneal import State, refresh, totals
 from hsop_gcs.placement.search.compiled import kernel
-from hsop_gcs.placement.search.model import CENTRAL, PERIPHERAL, Floats, Ints, Question, path_offset, threat_cost, wrapped
+from hsop_gcs.placement.search.model import (
+    CENTRAL,
+    PERIPHERAL,
+    Floats,
+    Ints,
+    Question,
+    path_offset,
+    threat_cost,
+    wrapped,
+)
 
 COST, PIXELS, END_POINT, PATH, PAN, TILT, SEPARATION, FLOOR, CEILING = range(9)
 NEAR_M = 40.0
@@ -36,7 +45,15 @@ def relative_size_slope(cosine: float, k: Floats) -> tuple[float, float]:
 
 @kernel
 def view_terms(
-    q: Question, threat: int, k: int, poses: Floats, host: int, camera: int, direction: Floats, factor: Floats, margin: Floats
+    q: Question,
+    threat: int,
+    k: int,
+    poses: Floats,
+    host: int,
+    camera: int,
+    direction: Floats,
+    factor: Floats,
+    margin: Floats,
 ) -> None:
     """Fill the ray (unit vector, then distance), the factor and the pixel margin, each with its gradient by the pose."""
     ex = q.points_m[threat, k, 0] - poses[host, 0]
@@ -50,7 +67,12 @@ def view_terms(
     reach = q.range_m[camera, threat]
     if camera == CENTRAL:
         factor[0] = base
-        factor[1], factor[2], factor[3], factor[4] = -power * base / d * ux, -power * base / d * uy, -power * base / d * uz, 0.0
+        factor[1], factor[2], factor[3], factor[4] = (
+            -power * base / d * ux,
+            -power * base / d * uy,
+            -power * base / d * uz,
+            0.0,
+        )
         margin[0] = 1 - d / reach
         margin[1], margin[2], margin[3], margin[4] = ux / reach, uy / reach, uz / reach, 0.0
         return

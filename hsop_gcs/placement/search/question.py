@@ -44,6 +44,7 @@ def question_of(problem: Problem, frame: Frame) -> Question:
         factor=np.broadcast_to(noise_px / focal_px, (2, len(sizes))).copy() if rms else 1 / (focal_px * sizes),
         distortion=np.array(peripheral.distortion, dtype=np.float64),
         fov_rad=2 * central.half_fov_rad - STRICTER,
+        fov_cosine=math.cos(2 * central.half_fov_rad - STRICTER),
         safety_m=problem.safety_distance_m + STRICTER_M,
         separation_m=problem.min_separation_m + STRICTER_M if operational and problem.min_separation_m > 0 else 0.0,
         whole_path=operational,
@@ -146,7 +147,11 @@ def state_of(problem: Problem, frame: Frame, q: Question, placement: Placement, 
         state.positions[k] = q.points_m[threat, 0] + np.array([q.safety_m, 0.0, 0.0])
     for t, threat in enumerate(problem.threats):
         views_of_it = known[threat.id].views if threat.id in known else ()
-        seeing = [(index[v.host], CENTRAL if v.camera is CameraKind.CENTRAL else PERIPHERAL) for v in views_of_it if v.host in index]
+        seeing = [
+            (index[v.host], CENTRAL if v.camera is CameraKind.CENTRAL else PERIPHERAL)
+            for v in views_of_it
+            if v.host in index
+        ]
         near = np.argsort(np.hypot(*(state.positions[:, :2] - middles[t, :2]).T), kind="stable")
         seeing += [(int(h), PERIPHERAL) for h in near if h not in [s[0] for s in seeing]]
         for end in range(2):

@@ -109,4 +109,3 @@ def run(
         course.advance(executor)
         count += 1
         slowest = max(0.7 * slowest, now() - started)
-

@@ -1,0 +1,5 @@
+"""The global placement search: annealing and large neighbourhoods in compiled kernels, polished by an interior-point solve."""
+
+from hsop_gcs.placement.search.solve import frontier, search, warm_up
+
+__all__ = ["frontier", "search", "warm_up"]
