@@ -401,8 +401,12 @@ def try_camera(
 
 @lean_kernel
 def scatter(q: Question, s: State, chance: Chance) -> None:
-    """Fill an empty state at random: hosts near threats, every threat seen by two, every host used."""
+    """Fill a state anew at random: hosts near threats, every threat seen by two, every host used."""
     threats, hosts = s.pairs.shape[0], s.degree.shape[0]
+    for threat in range(threats):
+        s.pairs[threat, 0] = s.pairs[threat, 1] = -1
+    for host in range(hosts):
+        s.degree[host] = 0
     for host in range(hosts):
         threat = (host + below(chance, threats)) % threats if host >= threats else host
         jump(q, s, host, threat, 0, chance)
