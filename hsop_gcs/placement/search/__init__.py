@@ -1,4 +1,4 @@
-"""The global placement search: annealing and large neighbourhoods in compiled kernels, polished by an interior-point solve."""
+"""The global placement search: annealing in compiled kernels, polished by an interior-point solve."""
 
 from hsop_gcs.placement.search.solve import frontier, search, warm_up
 

@@ -1,8 +1,8 @@
 """Seeded annealing over host poses, pairs and cameras at once, in compiled code.
 
-The state names for every threat its two hosts and cameras, so that a move re-evaluates only the threats it touches. Broken
-rules cost a penalty that stiffens as the temperature falls; the best state without any violation is kept. Temperatures are
-relative to the cost of an average threat.
+The state names for every threat its two hosts and cameras, so that a move re-evaluates only the threats it touches.
+Broken rules cost a penalty that stiffens as the temperature falls; the best state without any violation is kept.
+Temperatures are relative to the cost of an average threat.
 """
 
 import math
@@ -11,11 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from hsop_gcs.placement.search.chance import State as Chance
-from hsop_gcs.placement.search.chance import below, bell, uniform
+from hsop_gcs.placement.search.chance import bell, below, uniform
 from hsop_gcs.placement.search.compiled import kernel, lean_kernel
 from hsop_gcs.placement.search.model import (
-    CENTRAL,
-    PERIPHERAL,
     Floats,
     Ints,
     Question,
@@ -239,7 +237,7 @@ def mirror(q: Question, s: State, host: int, threat: int, end: int) -> None:
 
 @lean_kernel
 def propose_pose(q: Question, s: State, host: int, reach_m: float, chance: Chance) -> None:
-    """Change one host's pose: mostly a step of random scale up to ``reach_m``, sometimes a turn, a jump or a mirror image."""
+    """Change one host's pose: a step of random scale up to ``reach_m``, a turn, a jump or a mirror image."""
     kind = uniform(chance)
     view = s.incident[host, below(chance, s.degree[host])]
     if kind < 0.72:
@@ -451,9 +449,9 @@ def anneal(
 ) -> tuple[float, float]:
     """Anneal the given hosts and threats in ``s``; the rest stands still. Leaves the best state in ``best``.
 
-    ``threats`` must be seen by ``hosts`` only. ``hot`` and ``cold`` are the first and last temperature relative to the cost
-    of an average threat, ``reach_m`` the longest steps at first, ``stiffness`` the first price of a violation of 1, relative
-    to the same. Returns cost and violation of ``best``.
+    ``threats`` must be seen by ``hosts`` only. ``hot`` and ``cold`` are the first and last temperature relative to
+    the cost of an average threat, ``reach_m`` the longest steps at first, ``stiffness`` the first price of a
+    violation of 1, relative to the same. Returns cost and violation of ``best``.
     """
     trial = np.empty((s.pairs.shape[0], 2))
     cost, violation = totals(q, s)

@@ -11,8 +11,8 @@ from hsop_gcs.placement.search.model import Question
 def lower_bound(q: Question) -> float:
     """Return a cost that no placement goes below, whatever the number of hosts.
 
-    The sum over threats of what each would cost with two hosts at the safety distance from both of its points, the sharper
-    camera, right angles. Sharing hosts between threats only adds constraints.
+    The sum over threats of what each would cost with two hosts at the safety distance from both of its points, the
+    sharper camera, right angles. Sharing hosts between threats only adds constraints.
     """
     factor = (q.factor * (q.safety_m if q.rms else q.safety_m**2)).min(axis=0)
     if q.rms:
@@ -23,8 +23,8 @@ def lower_bound(q: Question) -> float:
 def fewest_hosts(q: Question) -> int:
     """Return a number of hosts that no placement can do with less.
 
-    Two threats with points farther apart than the sum of their ranges share no host; each of a set of such threats needs
-    two of its own. The set is grown greedily from every threat.
+    Two threats with points farther apart than the sum of their ranges share no host; each of a set of such threats
+    needs two of its own. The set is grown greedily from every threat.
     """
     reach = q.range_m.max(axis=0)
     count = len(reach)

@@ -16,7 +16,7 @@ _30, _27, _31, _11 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(11)
 
 def seeded(*words: int) -> State:
     """Return a generator state that depends on all words."""
-    return np.random.SeedSequence(words).generate_state(1, np.uint64)
+    return np.random.SeedSequence(words).generate_state(2).view(np.uint64)
 
 
 @lean_kernel

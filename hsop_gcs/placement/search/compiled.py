@@ -14,5 +14,5 @@ def kernel(function: Kernel) -> Kernel:
 
 
 def lean_kernel(function: Kernel) -> Kernel:
-    """Compile a function that allocates nothing: its arrays are not reference-counted, which costs more than small sums."""
+    """Compile a function that allocates nothing, without reference counts: they cost more than a small sum."""
     return cast(Kernel, numba.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)(function))

@@ -1,4 +1,4 @@
-"""The frame a search works in: fixed to the threats, so that moving, turning or mirroring a scenario changes nothing."""
+"""The frame of a search, fixed to the threats: moving, turning or mirroring a scenario changes nothing."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -22,7 +22,7 @@ class Frame:
 
     @classmethod
     def of(cls, points_m: Floats) -> Self:
-        """Return the frame of a set of points, (n, 2 or 3): centred, the farthest point on the first axis, the widest on the left."""
+        """Return the frame of points (n, 2 or 3): centred, the farthest on the first axis, the widest on its left."""
         plane = points_m[:, :2]
         origin = plane.mean(axis=0)
         offsets = plane - origin

@@ -1,9 +1,9 @@
 """What a placement costs and by how much it breaks the rules, compiled (letter, Eqs. 3, 4, 8-11).
 
-A host is its position (east, north, up) and the compass heading of its fisheye axis. A view's *factor* is the share of a
-pair's cost that one camera contributes at one point: distance over pixel width (letter), or the standard deviation of its
-ray at the threat in metres (rms). Headings and bearings are compass angles, radians. A *violation* is relative: 0.01 is one
-hundredth too far, too near, or one hundredth of a radian outside.
+A host is its position (east, north, up) and the compass heading of its fisheye axis. A view's *factor* is the share
+of a pair's cost that one camera contributes at one point: distance over pixel width (letter), or the standard
+deviation of its ray at the threat in metres (rms). Headings and bearings are compass angles, radians. A *violation*
+is relative: 0.01 is one hundredth too far, too near, or one hundredth of a radian outside.
 """
 
 import math
@@ -41,7 +41,7 @@ class Question(NamedTuple):
     separation_m: float
     """0: hosts may stand anywhere relative to each other."""
     whole_path: bool
-    """The safety distance holds to every threat's path for every host, not only to the end points of assigned threats."""
+    """The safety distance holds for every host to every threat's path, not only to the points it sees."""
     rms: bool
     floor_m: float
     ceiling_m: float
@@ -56,8 +56,8 @@ def relative_size(cosine: float, distortion: Floats) -> float:
     k = distortion
     lens = 1 + square * (k[0] + square * (k[1] + square * (k[2] + square * k[3])))
     if theta < 1e-4:
-        return lens * (1 - square / 3)
-    return theta * lens * cosine / math.sqrt(1 - cosine * cosine)
+        return float(lens * (1 - square / 3))
+    return float(theta * lens * cosine / math.sqrt(1 - cosine * cosine))
 
 
 @lean_kernel
@@ -76,15 +76,15 @@ def pair_cost(q: Question, first: float, second: float, sine: float) -> float:
 def threat_cost(q: Question, threat: int, both_points: float) -> float:
     """Return a threat's cost from the sum over its points; rms: weight times the root of their mean."""
     if q.rms:
-        return q.weight[threat] * math.sqrt(0.5 * both_points)
-    return q.weight[threat] * both_points
+        return float(q.weight[threat] * math.sqrt(0.5 * both_points))
+    return float(q.weight[threat] * both_points)
 
 
 @lean_kernel
 def edge_energy(
     q: Question, positions: Floats, axes: Floats, threat: int, i: int, j: int, camera_i: int, camera_j: int
 ) -> tuple[float, float]:
-    """Return cost and violation of a threat seen by hosts i and j; finite everywhere, exact where the violation is 0."""
+    """Return cost and violation of a threat seen by hosts i and j; always finite, exact without violation."""
     cost = 0.0
     violation = 0.0
     for k in range(2):

@@ -1,4 +1,4 @@
-"""Large-neighbourhood search: anneal a few hosts that stand near each other (or near two threats) again, keep what is better."""
+"""Large-neighbourhood search: anneal a few hosts near one or two threats again, keep what is better."""
 
 import math
 

@@ -55,7 +55,7 @@ def view_terms(
     factor: Floats,
     margin: Floats,
 ) -> None:
-    """Fill the ray (unit vector, then distance), the factor and the pixel margin, each with its gradient by the pose."""
+    """Fill the ray (unit vector, distance), the factor and the pixel margin with their gradients by the pose."""
     ex = q.points_m[threat, k, 0] - poses[host, 0]
     ey = q.points_m[threat, k, 1] - poses[host, 1]
     ez = q.points_m[threat, k, 2] - poses[host, 2]
@@ -141,8 +141,8 @@ def element(q: Question, e: Ints, poses: Floats, g: Floats, work: Floats) -> flo
         view_terms(q, e[3], e[4], poses, i, e[5], work[0], work[1], work[2])
         for n in range(4):
             g[n] = work[2, n + 1]
-        return work[2, 0]
-    if kind == END_POINT or kind == PATH or kind == SEPARATION:
+        return float(work[2, 0])
+    if kind in (END_POINT, PATH, SEPARATION):
         radius = q.safety_m
         if kind == PATH:
             x, y, z = path_offset(q, e[3], poses[i, 0], poses[i, 1], poses[i, 2])
@@ -160,10 +160,10 @@ def element(q: Question, e: Ints, poses: Floats, g: Floats, work: Floats) -> flo
         return 0.5 * ((x * x + y * y + z * z) * scale - 1)
     if kind == FLOOR:
         g[2] = 0.1
-        return 0.1 * (poses[i, 2] - q.floor_m)
+        return float(0.1 * (poses[i, 2] - q.floor_m))
     if kind == CEILING:
         g[2] = -0.1
-        return 0.1 * (q.ceiling_m - poses[i, 2])
+        return float(0.1 * (q.ceiling_m - poses[i, 2]))
     # PAN and TILT: the field of view less the angle between two points.
     ex, ey, ez = (
         q.points_m[e[3], e[4], 0] - poses[i, 0],
@@ -256,7 +256,7 @@ def list_elements(q: Question, s: State, moving: Ints) -> Ints:
 
 @kernel
 def solve_positive(a: Floats, b: Floats, shift: float) -> bool:
-    """Solve (a + shift I) x = b by Cholesky, in place of b; the upper triangle of a is destroyed. False: not positive."""
+    """Solve (a + shift I) x = b in place of b, by Cholesky; False if the matrix is not positive."""
     n = b.size
     lower = np.empty((n, n))
     for i in range(n):

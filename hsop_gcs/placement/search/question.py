@@ -123,8 +123,8 @@ def _compass_deg(vector: Floats) -> float:
 def state_of(problem: Problem, frame: Frame, q: Question, placement: Placement, n_hosts: int) -> State:
     """Return an earlier placement as a state for ``n_hosts`` hosts and today's threats.
 
-    Threats are recognised by id. A new threat is given to the two nearest hosts; the least busy hosts leave first; hosts
-    that are added stand beside the costliest threats. Rules may be broken: the search mends that.
+    Threats are recognised by id. A new threat is given to the two nearest hosts; the least busy hosts leave first;
+    hosts that are added stand beside the costliest threats. Rules may be broken: the search mends that.
     """
     leaving = len(placement.hosts) - n_hosts
     views = [view.host for pair in placement.pairs for view in pair.views]
@@ -143,8 +143,8 @@ def state_of(problem: Problem, frame: Frame, q: Question, placement: Placement, 
         key=lambda t: -known[problem.threats[t].id].cost if problem.threats[t].id in known else -math.inf,
     )
     for k in range(len(kept), n_hosts):
-        threat = costliest[(k - len(kept)) % len(costliest)]
-        state.positions[k] = q.points_m[threat, 0] + np.array([q.safety_m, 0.0, 0.0])
+        beside = costliest[(k - len(kept)) % len(costliest)]
+        state.positions[k] = q.points_m[beside, 0] + np.array([q.safety_m, 0.0, 0.0])
     for t, threat in enumerate(problem.threats):
         views_of_it = known[threat.id].views if threat.id in known else ()
         seeing = [

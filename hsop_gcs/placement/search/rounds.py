@@ -1,4 +1,4 @@
-"""The course of a search: rounds of two independent tasks, one per core, and the pool of the best placements they found.
+"""The course of a search: rounds of independent tasks, one per core, and the pool of the best they found.
 
 What a task does depends only on its seed, its place in the course and the pool at the start of its round, so that time
 decides how many rounds there are and nothing else.

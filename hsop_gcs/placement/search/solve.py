@@ -33,10 +33,10 @@ def search(
 ) -> Placement:
     """Find the least costly placement, as far as the time goes.
 
-    n_hosts: exactly so many; None is the smallest number for which a placement is found. deadline: on the clock ``now``;
-    one round of the search is always run. iterations: exactly so many rounds instead, whatever the time. warm_start: an
-    earlier placement of almost the same threats and number of hosts. The same arguments give the same placement; more
-    time only improves it.
+    n_hosts: exactly so many; None is the smallest number for which a placement is found. deadline: on the clock
+    ``now``; one round of the search is always run. iterations: exactly so many rounds instead, whatever the time.
+    warm_start: an earlier placement of almost the same threats and number of hosts. The same arguments give the same
+    placement; more time only improves it.
     """
     started = now()
     frame = frame_of(problem)
