@@ -12,6 +12,10 @@ from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
 
 Vector3 = tuple[float, float, float]
 """East, north, up."""
+Matrix3 = tuple[Vector3, Vector3, Vector3]
+
+_NO_FIX_DEG = 1e-6
+"""Receivers without a fix say 0/0, some after rounding."""
 
 
 class AltitudeDatum(StrEnum):
@@ -36,6 +40,32 @@ class Report:
     size_m: float | None = None
     sigma_m: float | None = None
     """Standard deviation of the position, each axis."""
+    velocity_sigma_mps: float | None = None
+    """Standard deviation of the velocity, each axis."""
+    covariance_m2: Matrix3 | None = None
+    """Of the position, where the source knows all of it (cameras do); stands in for ``sigma_m``."""
+    track_id: str | None = None
+    """Our own name for the threat, from a source that knows it (our cameras do)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bearing:
+    """One direction in which a camera saw something: time in seconds since the Unix epoch, ENU metres."""
+
+    source: str
+    """Each camera of each host is a source of its own."""
+    time_s: float
+    origin_m: Vector3
+    direction: Vector3
+    """ENU, of any length but zero."""
+    sigma_rad: float
+    """Standard deviation of the direction, across the ray, each of the two axes."""
+    threat_id: str | None = None
+    track_id: str | None = None
+
+
+Measurement = Report | Bearing
+"""What a track can be updated with."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,7 +112,7 @@ def locate(
     lat_deg: float, lon_deg: float, altitude_m: float, datum: AltitudeDatum, site: Site, rules: ReportRules
 ) -> Vector3:
     """Return the ENU position, metres. Raises BadInput for 0/0 (a receiver without a fix), a far place or a datum."""
-    if lat_deg == 0.0 and lon_deg == 0.0:
+    if abs(lat_deg) < _NO_FIX_DEG and abs(lon_deg) < _NO_FIX_DEG:
         raise BadInput("position", "latitude 0 and longitude 0 mean that the source has no fix")
     altitude_amsl_m = site.altitude_amsl_m(altitude_m, datum)
     point = GeodeticPoint(lat_deg=lat_deg, lon_deg=lon_deg, altitude_amsl_m=altitude_amsl_m)

@@ -10,6 +10,7 @@ from hsop_gcs.api.schemas import FieldFault, ReportIn, ReportResult, ReportResul
 from hsop_gcs.errors import BadInput
 from hsop_gcs.mission.controller import Mission
 from hsop_gcs.reports import Report, ReportRules, Site, locate
+from hsop_gcs.tracks import Verdict
 
 MAX_REPORTS = 1000
 
@@ -31,14 +32,20 @@ def take(raw: Any, mission: Mission) -> ReportResults:
     reports = raw if isinstance(raw, list) else [raw]
     if not 1 <= len(reports) <= MAX_REPORTS:
         raise BadInput("body", f"{len(reports)} reports; 1 to {MAX_REPORTS} are taken at once")
-    results = [_take_one(index, each, mission) for index, each in enumerate(reports)]
+    judged = [_read(index, each, mission) for index, each in enumerate(reports)]
+    readable = [each for each in judged if isinstance(each, Report)]
+    verdicts = iter(mission.submit(readable) if readable else ())
+    results = [
+        _result(index, next(verdicts)) if isinstance(each, Report) else each for index, each in enumerate(judged)
+    ]
     accepted = sum(result.status == "accepted" for result in results)
     return ReportResults(accepted=accepted, rejected=len(results) - accepted, results=results)
 
 
-def _take_one(index: int, raw: Any, mission: Mission) -> ReportResult:
+def _read(index: int, raw: Any, mission: Mission) -> Report | ReportResult:
+    """Return the report, or why it is none."""
     try:
-        report = to_report(ReportIn.model_validate(raw), mission.site, mission.report_rules)
+        return to_report(ReportIn.model_validate(raw), mission.site, mission.report_rules)
     except ValidationError as error:
         faults = faults_of(error.errors())
         mission.refuse_report(faults[0]["field"])
@@ -46,11 +53,12 @@ def _take_one(index: int, raw: Any, mission: Mission) -> ReportResult:
     except BadInput as error:
         mission.refuse_report(error.field)
         return _rejected(index, error)
-    try:
-        track = mission.submit(report)
-    except BadInput as error:
-        return _rejected(index, error)
-    return ReportResult(index=index, status="accepted", threat=track.id)
+
+
+def _result(index: int, verdict: Verdict) -> ReportResult:
+    if isinstance(verdict, BadInput):
+        return _rejected(index, verdict)
+    return ReportResult(index=index, status="accepted", threat=verdict)
 
 
 def _rejected(index: int, error: BadInput) -> ReportResult:

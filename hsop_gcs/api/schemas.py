@@ -7,6 +7,7 @@ from pydantic import AwareDatetime, BaseModel, BeforeValidator, ConfigDict, Fiel
 
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.reports import AltitudeDatum
+from hsop_gcs.tracks import TrackStatus
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
@@ -96,17 +97,28 @@ class PositionOut(BaseModel):
     altitude_amsl_m: float
 
 
+class SourceIdOut(BaseModel):
+    source: str
+    threat_id: str
+
+
 class ThreatOut(BaseModel):
     id: str
     source: str
     source_threat_id: str | None
+    sources: list[SourceIdOut]
+    """All ids that stand for this threat."""
+    status: TrackStatus
     time: datetime
     position: PositionOut
     position_enu_m: tuple[float, float, float]
     velocity_enu_mps: tuple[float, float, float]
     velocity_known: bool
+    covariance_enu: list[list[float]]
+    """Of position and velocity, 6 x 6, metres and metres per second."""
     size_m: float
-    sigma_m: float | None
+    sigma_m: float
+    """Standard deviation of the position, each axis."""
     reports: int
 
 
@@ -215,9 +227,23 @@ class HostsOut(BaseModel):
     hosts: list[str]
 
 
+class SourceCounts(BaseModel):
+    """What is watched of one source of reports."""
+
+    accepted: int
+    out_of_order: int
+    """Of those accepted: came after a newer one and were put in their place."""
+    refused: dict[str, int]
+    clock_offset_s: float
+    """Its clock minus ours, less what reports take to arrive: median of the newest."""
+    clock_samples: int
+    last_heard: datetime
+
+
 class ReportCounts(BaseModel):
     accepted: int
     refused_by_field: dict[str, int]
+    sources: dict[str, SourceCounts]
 
 
 class PlanningHealth(BaseModel):

@@ -19,6 +19,8 @@ from hsop_gcs.api.schemas import (
     PlansOut,
     PositionOut,
     ReportCounts,
+    SourceCounts,
+    SourceIdOut,
     ThreatOut,
     ViewOut,
 )
@@ -43,11 +45,14 @@ def threat_out(track: Track, mission: Mission) -> ThreatOut:
         id=track.id,
         source=track.source,
         source_threat_id=track.source_threat_id,
+        sources=[SourceIdOut(source=each.source, threat_id=each.threat_id) for each in track.sources],
+        status=track.status,
         time=utc(track.time_s),
         position=_position(mission.site.frame.to_geodetic(np.array(track.position_m))),
         position_enu_m=track.position_m,
         velocity_enu_mps=track.velocity_mps,
         velocity_known=track.velocity_known,
+        covariance_enu=track.covariance.tolist(),
         size_m=track.size_m,
         sigma_m=track.sigma_m,
         reports=track.reports,
@@ -122,13 +127,31 @@ def health_out(mission: Mission, started_at_s: float) -> HealthOut:
         threats=len(mission.picture.tracks),
         hosts=len(mission.fleet.hosts),
         hosts_available=len(mission.fleet.hosts) - len(unavailable),
-        reports=ReportCounts(accepted=mission.reports_accepted, refused_by_field=dict(mission.reports_refused)),
+        reports=_reports(mission),
         planning=PlanningHealth(
             plans_made=mission.state.made,
             last_solve_s=None if newest is None else newest.decision.placement.solve_time_s,
             fault=mission.solver_fault,
         ),
         link=_link(mission.link),
+    )
+
+
+def _reports(mission: Mission) -> ReportCounts:
+    return ReportCounts(
+        accepted=mission.reports_accepted,
+        refused_by_field=dict(mission.reports_refused),
+        sources={
+            name: SourceCounts(
+                accepted=watch.accepted,
+                out_of_order=watch.out_of_order,
+                refused={str(kind): count for kind, count in watch.refused.items()},
+                clock_offset_s=watch.clock_offset_s,
+                clock_samples=watch.clock_samples,
+                last_heard=utc(watch.last_heard_s),
+            )
+            for name, watch in mission.picture.sources.items()
+        },
     )
 
 

@@ -7,12 +7,12 @@ the clock, the link and the solver's process.
 import asyncio
 import logging
 from collections import Counter, deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from hsop_gcs.assignment import Mover
 from hsop_gcs.assignment.orders import clearance_m
-from hsop_gcs.errors import BadInput, NotKnown, Refused
+from hsop_gcs.errors import NotKnown, Refused
 from hsop_gcs.fleet import Fleet, Host
 from hsop_gcs.link.events import Event, OrderEvent
 from hsop_gcs.link.pump import Link
@@ -32,8 +32,8 @@ from hsop_gcs.mission.state import (
     without_threats,
 )
 from hsop_gcs.placement.problem import Threat
-from hsop_gcs.reports import Report, ReportRules, Site, check_time
-from hsop_gcs.tracks import Picture, Track, TrackRules, prune, update
+from hsop_gcs.reports import Measurement, ReportRules, Site, Vector3
+from hsop_gcs.tracks import Picture, Refusal, TrackRules, TrackStatus, Verdict, prune, update
 
 _TICK_S = 0.2
 _EVENTS_KEPT = 500
@@ -93,17 +93,23 @@ class Mission:
 
     # What consoles ask for
 
-    def submit(self, report: Report) -> Track:
-        """Take a report into the picture and return its track. Raises BadInput for one that cannot be believed."""
-        try:
-            check_time(report.time_s, self.clock(), self.report_rules)
-            self.picture, track = update(self.picture, report, self._track_rules)
-        except BadInput as error:
-            self.refuse_report(error.field)
-            raise
-        self.reports_accepted += 1
+    def submit(self, measurements: Sequence[Measurement]) -> tuple[Verdict, ...]:
+        """Take measurements that arrived together into the picture; return what became of each, in their order."""
+        self.picture, verdicts = update(
+            self.picture,
+            measurements,
+            self.clock(),
+            self._track_rules,
+            hosts_m=self._hosts_m(),
+            clock=self.report_rules,
+        )
+        for verdict in verdicts:
+            if isinstance(verdict, Refusal):
+                self.refuse_report(verdict.field)
+            else:
+                self.reports_accepted += 1
         self._changed.set()
-        return track
+        return verdicts
 
     def refuse_report(self, field: str) -> None:
         """Count a report that was refused before it got here."""
@@ -167,14 +173,15 @@ class Mission:
         now_s = self.clock()
         self.picture, gone = prune(self.picture, now_s, self._track_rules)
         for track in gone:
-            log.info("threat %s has not been reported for %.0f s: it has left", track.id, self._track_rules.timeout_s)
+            log.info("threat %s has not been reported for %.0f s: it has left", track.id, now_s - track.time_s)
         if gone and not self.picture.tracks:
             self.state = without_threats(self.state)
         if self._solving is None:
             self._replan_if_due(tasks, now_s)
 
     def _replan_if_due(self, tasks: asyncio.TaskGroup, now_s: float) -> None:
-        tracks = ready(tuple(self.picture.tracks.values()), now_s, self.replanning)
+        believed = tuple(track for track in self.picture.tracks.values() if track.status is not TrackStatus.TENTATIVE)
+        tracks = ready(believed, now_s, self.replanning)
         movers = self._movers()
         available = frozenset(mover.id for mover in movers)
         reason = replan_reason(self.state, tracks, available, now_s, self.replanning)
@@ -259,6 +266,16 @@ class Mission:
             for host in self.fleet.hosts
             if host.id not in unavailable
         )
+
+    def _hosts_m(self) -> dict[str, Vector3]:
+        """Where our own aircraft are, as far as they are heard: nothing there is a threat."""
+        places: dict[str, Vector3] = {}
+        for host in self.fleet.hosts:
+            state = self.vehicle(host).state
+            if state.link_up and state.position is not None:
+                east, north, up = self.site.frame.to_enu(state.position).tolist()
+                places[host.id] = (east, north, up)
+        return places
 
     def _threats_now(self, now_s: float) -> tuple[Threat, ...]:
         return tuple(

@@ -1,101 +1,178 @@
-"""The picture: all tracks at one moment, and how a report changes it."""
+"""The picture: all tracks at one moment, and how reports and time change it."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-from hsop_gcs.errors import BadInput
-from hsop_gcs.reports import Report
-from hsop_gcs.tracks.track import Track, begin, extend
+from hsop_gcs.reports import Measurement, Report, ReportRules, Vector3
+from hsop_gcs.tracks.associate import associate
+from hsop_gcs.tracks.history import insert
+from hsop_gcs.tracks.lifecycle import aged, begin, extend, has_left, without_id
+from hsop_gcs.tracks.rules import TrackRules
+from hsop_gcs.tracks.screen import refusal_of
+from hsop_gcs.tracks.sources import Refusal, RefusalKind, Watches, believed, heard, refused
+from hsop_gcs.tracks.track import Track
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrackRules:
-    """How reports become tracks, and how long a track lives without one."""
-
-    timeout_s: float = 10.0
-    """A threat not reported for this long has left."""
-    gate_m: float = 30.0
-    """How far from its prediction a report without a threat id may lie and still be the same threat."""
-    velocity_memory_s: float = 5.0
-    velocity_baseline_s: float = 0.4
-    """Sightings closer in time than this show noise, not speed."""
-    max_speed_mps: float = 100.0
-    """A report that asks for more than this is not the same threat (or not true)."""
-    default_size_m: float = 1.0
+NO_HOSTS: Mapping[str, Vector3] = MappingProxyType({})
+_CLOCK = ReportRules()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """All tracks by id. Frozen: an update is a new picture."""
+    """All tracks by id, and what is watched of each source. Frozen: an update is a new picture."""
 
     tracks: Mapping[str, Track] = field(default_factory=lambda: MappingProxyType({}))
+    sources: Watches = field(default_factory=lambda: MappingProxyType({}))
     named: int = 0
     """How many tracks have been given a name of ours (T1, T2, ...)."""
 
 
-def update(picture: Picture, report: Report, rules: TrackRules) -> tuple[Picture, Track]:
-    """Return the picture with the report in it, and the track it belongs to.
+Verdict = str | Refusal
+"""What became of a measurement: the id of the track it is in now, or why it was refused."""
 
-    Raises BadInput for a report that is not newer than what its threat already has, or that its threat could not
-    have flown to.
+
+def update(
+    picture: Picture,
+    measurements: Sequence[Measurement],
+    now_s: float,
+    rules: TrackRules,
+    *,
+    hosts_m: Mapping[str, Vector3] = NO_HOSTS,
+    clock: ReportRules = _CLOCK,
+) -> tuple[Picture, tuple[Verdict, ...]]:
+    """Return the picture with the measurements in it, and a verdict on each, in their order.
+
+    Those that arrive together are judged together: of one source's scan each is of another threat. ``now_s``: when
+    they arrived, seconds since the Unix epoch. ``hosts_m``: our own aircraft, ENU metres. ``clock``: how far a
+    source's time may be from ours. The same calls in the same order give the same pictures, to the bit.
     """
-    known = _find(picture, report, rules)
-    if known is None:
-        track_id, named = _name(picture, report)
-        track = begin(track_id, report, default_size_m=rules.default_size_m)
-        picture = replace(picture, named=named)
-    else:
-        _check_follows(known, report, rules)
-        track = extend(known, report, memory_s=rules.velocity_memory_s, min_baseline_s=rules.velocity_baseline_s)
-    return replace(picture, tracks=MappingProxyType({**picture.tracks, track.id: track})), track
+    work = _Work(picture, measurements, now_s, rules)
+    for index in range(len(measurements)):
+        work.screen(index, hosts_m, clock)
+    for scan in _scans(measurements, work.unjudged(), rules):
+        work.take(scan)
+    return work.picture(), tuple(work.verdicts[index] for index in range(len(measurements)))
 
 
 def prune(picture: Picture, now_s: float, rules: TrackRules) -> tuple[Picture, tuple[Track, ...]]:
-    """Return the picture without threats that have not been reported for too long, and those threats."""
-    gone = tuple(track for track in picture.tracks.values() if now_s - track.time_s > rules.timeout_s)
-    if not gone:
-        return picture, ()
-    left = {track.id: track for track in picture.tracks.values() if track not in gone}
-    return replace(picture, tracks=MappingProxyType(left)), gone
+    """Return the picture as it stands at ``now_s``, and the threats that left it: not reported for too long."""
+    gone = tuple(track for track in picture.tracks.values() if has_left(track, now_s, rules))
+    left = {
+        track.id: aged(track, now_s, rules) for track in picture.tracks.values() if not has_left(track, now_s, rules)
+    }
+    sources = {
+        name: watch for name, watch in picture.sources.items() if now_s - watch.last_heard_s <= rules.source_memory_s
+    }
+    return replace(picture, tracks=MappingProxyType(left), sources=MappingProxyType(sources)), gone
 
 
-def _find(picture: Picture, report: Report, rules: TrackRules) -> Track | None:
-    """By the source's own id where it gives one, else the nearest prediction within the gate."""
-    same_source = [track for track in picture.tracks.values() if track.source == report.source]
-    if report.threat_id is not None:
-        return next((track for track in same_source if track.source_threat_id == report.threat_id), None)
-    gate_m = max(rules.gate_m, 3 * (report.sigma_m or 0.0))
-    near = [
-        (math.dist(track.position_at(report.time_s), report.position_m), track.id, track)
-        for track in same_source
-        if track.source_threat_id is None
-    ]
-    distance_m, _, nearest = min(near, default=(math.inf, "", None))
-    return nearest if distance_m <= gate_m else None
+def dismiss(picture: Picture, track_id: str) -> Picture:
+    """Return the picture without a threat. Raises KeyError if there is none of this id."""
+    left = dict(picture.tracks)
+    del left[track_id]
+    return replace(picture, tracks=MappingProxyType(left))
 
 
-def _name(picture: Picture, report: Report) -> tuple[str, int]:
-    """The source's id where it is free, else made unique with the source's name; a report without one gets ours."""
-    if report.threat_id is not None:
-        free = report.threat_id not in picture.tracks
-        return (report.threat_id if free else f"{report.source}/{report.threat_id}"), picture.named
-    named = picture.named + 1
-    while f"T{named}" in picture.tracks:
-        named += 1
-    return f"T{named}", named
+class _Work:
+    """One update in progress."""
 
+    def __init__(self, picture: Picture, measurements: Sequence[Measurement], now_s: float, rules: TrackRules) -> None:
+        self.verdicts: dict[int, Verdict] = {}
+        self._tracks = dict(picture.tracks)
+        self._sources = dict(picture.sources)
+        self._named = picture.named
+        self._measurements = measurements
+        self._seen: set[Measurement] = set()
+        self._now_s = now_s
+        self._rules = rules
 
-def _check_follows(track: Track, report: Report, rules: TrackRules) -> None:
-    elapsed_s = report.time_s - track.time_s
-    if elapsed_s <= 0:
-        raise BadInput("time", f"{-elapsed_s:.3f} s older than the newest report of threat {track.id!r}, or the same")
-    sigma_m = max(report.sigma_m or 0.0, track.sigma_m or 0.0)
-    reach_m = rules.gate_m + 6 * sigma_m + rules.max_speed_mps * elapsed_s
-    jump_m = math.dist(track.position_m, report.position_m)
-    if jump_m > reach_m:
-        raise BadInput(
-            "position",
-            f"{jump_m:.0f} m from threat {track.id!r} {elapsed_s:.2f} s earlier; more than {rules.max_speed_mps:g} m/s",
+    def picture(self) -> Picture:
+        return Picture(
+            tracks=MappingProxyType(self._tracks), sources=MappingProxyType(self._sources), named=self._named
         )
+
+    def unjudged(self) -> list[int]:
+        return [index for index in range(len(self._measurements)) if index not in self.verdicts]
+
+    def screen(self, index: int, hosts_m: Mapping[str, Vector3], clock: ReportRules) -> None:
+        """Watch the source's clock, and refuse what needs no track to be refused."""
+        measurement = self._measurements[index]
+        watch = self._sources.get(measurement.source)
+        self._sources[measurement.source] = heard(watch, measurement.time_s, self._now_s)
+        refusal = refusal_of(measurement, self._now_s, self._rules, hosts_m, clock)
+        if refusal is None and measurement in self._seen:
+            problem = f"{measurement.source!r} has sent the same report twice"
+            refusal = Refusal(RefusalKind.DUPLICATE, "time", problem)
+        if refusal is not None:
+            self._refuse(index, refusal)
+        self._seen.add(measurement)
+
+    def take(self, scan: Sequence[int]) -> None:
+        """Associate one scan, correct the tracks it speaks of and begin the new ones."""
+        measurements = [self._measurements[index] for index in scan]
+        association = associate(self._tracks, measurements, self._rules)
+        for position in association.released:
+            self._release(measurements[position])
+        for position, refusal in association.refusals.items():
+            self._refuse(scan[position], refusal)
+        tracks = [self._tracks[track_id] for track_id in association.tracks.values()]
+        matched = [measurements[position] for position in association.tracks]
+        histories = insert([track.steps for track in tracks], matched, self._rules) if matched else []
+        for position, track, steps in zip(association.tracks, tracks, histories, strict=True):
+            measurement = measurements[position]
+            self._tracks[track.id] = extend(track, measurement, steps, now_s=self._now_s, rules=self._rules)
+            self._believe(scan[position], track.id, out_of_order=measurement.time_s < track.time_s)
+        for position, measurement in enumerate(measurements):
+            if position not in association.tracks and position not in association.refusals:
+                assert isinstance(measurement, Report), "an unexplained bearing is refused"
+                track_id = self._name(measurement)
+                self._tracks[track_id] = begin(track_id, measurement, now_s=self._now_s, rules=self._rules)
+                self._believe(scan[position], track_id, out_of_order=False)
+
+    def _believe(self, index: int, track_id: str, *, out_of_order: bool) -> None:
+        self.verdicts[index] = track_id
+        source = self._measurements[index].source
+        self._sources[source] = believed(self._sources[source], out_of_order=out_of_order)
+
+    def _refuse(self, index: int, refusal: Refusal) -> None:
+        self.verdicts[index] = refusal
+        source = self._measurements[index].source
+        self._sources[source] = refused(self._sources[source], refusal.kind)
+
+    def _release(self, measurement: Measurement) -> None:
+        if measurement.threat_id is None:
+            return
+        for track in self._tracks.values():
+            if any(
+                each.source == measurement.source and each.threat_id == measurement.threat_id for each in track.sources
+            ):
+                self._tracks[track.id] = without_id(track, measurement.source, measurement.threat_id)
+
+    def _name(self, report: Report) -> str:
+        """The source's id where it is free, else made unique with the source's name; a report without one gets ours."""
+        if report.threat_id is not None:
+            for name in (report.threat_id, f"{report.source}/{report.threat_id}"):
+                if name not in self._tracks:
+                    return name
+        self._named += 1
+        while f"T{self._named}" in self._tracks:
+            self._named += 1
+        return f"T{self._named}"
+
+
+def _scans(measurements: Sequence[Measurement], indices: Sequence[int], rules: TrackRules) -> list[list[int]]:
+    """Put measurements in order of time and part them into scans: of one source, at one time, of different ids."""
+    scans: list[list[int]] = []
+    open_scans: dict[str, tuple[list[int], float, set[str]]] = {}
+    for index in sorted(indices, key=lambda each: measurements[each].time_s):
+        each = measurements[index]
+        scan, started_s, ids = open_scans.get(each.source, ([], -math.inf, set()))
+        if each.time_s > started_s + rules.scan_s or each.threat_id in ids:
+            scan, ids = [], set()
+            open_scans[each.source] = (scan, each.time_s, ids)
+            scans.append(scan)
+        scan.append(index)
+        if each.threat_id is not None:
+            ids.add(each.threat_id)
+    return scans

@@ -1,91 +1,81 @@
-"""One threat as we believe it to be: its last position and a velocity, given or worked out."""
+"""One threat as we believe it to be."""
 
+import math
 from dataclasses import dataclass
+from enum import StrEnum
 
-from hsop_gcs.reports import Report, Vector3
+from hsop_gcs.reports import Vector3
+from hsop_gcs.tracks.filter import FloatArray, State
+from hsop_gcs.tracks.history import Steps
+
+
+class TrackStatus(StrEnum):
+    TENTATIVE = "tentative"
+    """Seen, and perhaps nothing: shown to people, not planned for."""
+    CONFIRMED = "confirmed"
+    COASTING = "coasting"
+    """Confirmed once, and not reported lately."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sighting:
-    """One accepted position, seconds since the Unix epoch and ENU metres."""
+class Binding:
+    """A source's own id that stands for the track."""
 
+    source: str
+    threat_id: str
     time_s: float
-    position_m: Vector3
+    """Its newest report."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Track:
-    """A threat: its state at ``time_s`` in ENU metres and metres per second."""
+    """A threat: its state at ``time_s``, the newest of its reports, in ENU metres and metres per second."""
 
     id: str
     source: str
+    """Who reported it first, and under which id."""
     source_threat_id: str | None
-    time_s: float
-    position_m: Vector3
-    velocity_mps: Vector3
+    sources: tuple[Binding, ...]
+    """All ids that stand for it, one per source."""
+    status: TrackStatus
     velocity_known: bool
-    """False until a source gave a velocity or a second sighting showed one; the velocity is zero until then."""
+    """Whether reports have shown the velocity, or given it; before that ``velocity_mps`` is the best guess."""
     size_m: float
-    sigma_m: float | None
     reports: int
     first_seen_s: float
-    recent: tuple[Sighting, ...]
-    """The sightings a velocity is worked out from, oldest first."""
+    steps: Steps
+    """What it was told lately, and what was believed after each."""
+
+    @property
+    def state(self) -> State:
+        return self.steps[-1].state
+
+    @property
+    def time_s(self) -> float:
+        return self.steps[-1].state.time_s
+
+    @property
+    def position_m(self) -> Vector3:
+        east, north, up = self.state.mean[:3].tolist()
+        return (east, north, up)
+
+    @property
+    def velocity_mps(self) -> Vector3:
+        east, north, up = self.state.mean[3:].tolist()
+        return (east, north, up)
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(6, 6): position, then velocity."""
+        return self.state.covariance
+
+    @property
+    def sigma_m(self) -> float:
+        """Standard deviation of the position, each axis, root mean square over the axes."""
+        return math.sqrt(float(self.state.covariance[:3, :3].trace()) / 3)
 
     def position_at(self, time_s: float) -> Vector3:
         """Return where it is expected at ``time_s``, ENU metres: straight on at constant speed (Eq. 7)."""
         ahead_s = time_s - self.time_s
-        x, y, z = (p + ahead_s * v for p, v in zip(self.position_m, self.velocity_mps, strict=True))
-        return (x, y, z)
-
-
-def begin(track_id: str, report: Report, *, default_size_m: float) -> Track:
-    """Start a track from its first report."""
-    return Track(
-        id=track_id,
-        source=report.source,
-        source_threat_id=report.threat_id,
-        time_s=report.time_s,
-        position_m=report.position_m,
-        velocity_mps=report.velocity_mps or (0.0, 0.0, 0.0),
-        velocity_known=report.velocity_mps is not None,
-        size_m=report.size_m or default_size_m,
-        sigma_m=report.sigma_m,
-        reports=1,
-        first_seen_s=report.time_s,
-        recent=(Sighting(time_s=report.time_s, position_m=report.position_m),),
-    )
-
-
-def extend(track: Track, report: Report, *, memory_s: float, min_baseline_s: float) -> Track:
-    """Return the track with a newer report. A velocity the source did not give comes from the last ``memory_s``."""
-    sighting = Sighting(time_s=report.time_s, position_m=report.position_m)
-    recent = (*(old for old in track.recent if old.time_s >= report.time_s - memory_s), sighting)
-    velocity = report.velocity_mps or _slope(recent, min_baseline_s) or track.velocity_mps
-    return Track(
-        id=track.id,
-        source=track.source,
-        source_threat_id=track.source_threat_id,
-        time_s=report.time_s,
-        position_m=report.position_m,
-        velocity_mps=velocity,
-        velocity_known=track.velocity_known or report.velocity_mps is not None or len(recent) > 1,
-        size_m=report.size_m or track.size_m,
-        sigma_m=report.sigma_m if report.sigma_m is not None else track.sigma_m,
-        reports=track.reports + 1,
-        first_seen_s=track.first_seen_s,
-        recent=recent,
-    )
-
-
-def _slope(sightings: tuple[Sighting, ...], min_baseline_s: float) -> Vector3 | None:
-    """Least-squares velocity through the sightings, or None while they span too little time to show one."""
-    if sightings[-1].time_s - sightings[0].time_s < min_baseline_s:
-        return None
-    count = len(sightings)
-    mean_s = sum(each.time_s for each in sightings) / count
-    spread = sum((each.time_s - mean_s) ** 2 for each in sightings)
-    east, north, up = (
-        sum((each.time_s - mean_s) * each.position_m[axis] for each in sightings) / spread for axis in range(3)
-    )
-    return (east, north, up)
+        x, y, z, vx, vy, vz = self.state.mean.tolist()
+        return (x + ahead_s * vx, y + ahead_s * vy, z + ahead_s * vz)

@@ -15,16 +15,17 @@ from hsop_gcs.mission.state import (
 from hsop_gcs.placement.problem import Formulation, Objective, Point, Threat
 from hsop_gcs.placement.solution import Placement, Status
 from hsop_gcs.reports import Report
-from hsop_gcs.tracks import Track
-from hsop_gcs.tracks.track import begin
+from hsop_gcs.tracks import Track, TrackRules
+from hsop_gcs.tracks.lifecycle import begin
 
 RULES = ReplanRules(horizon_s=10.0, departure_m=5.0)
 HOSTS = frozenset({"h1", "h2"})
 
 
 def track(name: str, time_s: float, east: float, velocity: Point | None = (1.0, 0.0, 0.0)) -> Track:
-    report = Report(source="radar", threat_id=name, time_s=time_s, position_m=(east, 0.0, 40.0), velocity_mps=velocity)
-    return begin(name, report, default_size_m=1.0)
+    place = (east, 0.0, 40.0)
+    report = Report(source="radar", threat_id=name, time_s=time_s, position_m=place, velocity_mps=velocity, sigma_m=0.5)
+    return begin(name, report, now_s=time_s, rules=TrackRules())
 
 
 def decision(*threats: Threat, orders: bool = True) -> Decision:
@@ -86,7 +87,7 @@ def test_a_threat_that_left_asks_for_a_plan_without_it() -> None:
 
 def test_a_coarse_report_off_by_its_own_sigma_is_no_departure() -> None:
     report = Report(source="r", threat_id="t1", time_s=108.0, position_m=(20.0, 0.0, 40.0), sigma_m=5.0)
-    coarse = begin("t1", report, default_size_m=1.0)
+    coarse = begin("t1", report, now_s=108.0, rules=TrackRules())
     assert replan_reason(planned(), (coarse,), HOSTS, 108.0, RULES) is None
 
 

@@ -1,0 +1,205 @@
+"""Which measurement is of which threat: by the id it bears where that is possible, else by global nearest neighbour.
+
+An id binds a report to its track. It is let go when the report is impossible there while another source keeps the
+track where it is: then the two were never one threat. A threat known by that one id alone has manoeuvred, or the
+report is wrong if no aircraft flies so fast.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import linear_sum_assignment
+
+from hsop_gcs.reports import Bearing, Measurement, Report
+from hsop_gcs.tracks.gate import distances, gate, impossible, within_reach
+from hsop_gcs.tracks.history import Steps, can_take, state_before
+from hsop_gcs.tracks.rules import TrackRules
+from hsop_gcs.tracks.sources import Refusal, RefusalKind
+from hsop_gcs.tracks.track import Track
+
+_FORBIDDEN = 1e9
+"""Cost of a pair outside its gate; above any sum of distances inside."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Association:
+    """What became of one scan, by the index of each measurement in it; those in neither mapping are of new threats."""
+
+    tracks: Mapping[int, str]
+    """The id of the track it belongs to."""
+    refusals: Mapping[int, Refusal]
+    released: frozenset[int]
+    """Those whose id is bound no more to the track it was bound to."""
+
+
+def associate(tracks: Mapping[str, Track], scan: Sequence[Measurement], rules: TrackRules) -> Association:
+    """Give each measurement of a scan to at most one track, and each track at most one measurement."""
+    matched: dict[int, str] = {}
+    refusals: dict[int, Refusal] = {}
+    released: set[int] = set()
+    hinted = hints(tracks, scan)
+    for index, track_id in hinted.items():
+        refusal = _untimely(tracks[track_id], scan[index], rules)
+        if refusal is not None:
+            refusals[index] = refusal
+    due = [index for index in hinted if index not in refusals]
+    states = [state_before(tracks[hinted[index]].steps, scan[index].time_s) for index in due]
+    squared, _ = distances(states, [scan[index] for index in due], rules)
+    for index, distance in zip(due, squared.tolist(), strict=True):
+        measurement, track = scan[index], tracks[hinted[index]]
+        if distance < impossible(measurement, rules):
+            matched[index] = track.id
+        elif isinstance(measurement, Bearing) or _is_held_by_others(track, measurement, rules):
+            released.add(index)
+        elif (refusal := _out_of_reach(track, measurement, rules)) is not None:
+            refusals[index] = refusal
+        else:
+            matched[index] = track.id
+    free = {index: each for index, each in enumerate(scan) if index not in matched and index not in refusals}
+    if free:
+        taken = set(matched.values())
+        left = [track for track in tracks.values() if track.id not in taken]
+        _add_nearest(left, free, {index: hinted[index] for index in released}, rules, matched, refusals)
+    return Association(tracks=matched, refusals=refusals, released=frozenset(released))
+
+
+def hints(tracks: Mapping[str, Track], scan: Sequence[Measurement]) -> dict[int, str]:
+    """Return the track that each measurement's id stands for, by index; a track at most once."""
+    if all(each.threat_id is None and each.track_id is None for each in scan):
+        return {}
+    bound = {(each.source, each.threat_id): track.id for track in tracks.values() for each in track.sources}
+    found: dict[int, str] = {}
+    taken: set[str] = set()
+    for index, each in enumerate(scan):
+        track_id = each.track_id if each.track_id in tracks else None
+        if track_id is None and each.threat_id is not None:
+            track_id = bound.get((each.source, each.threat_id))
+        if track_id is not None and track_id not in taken:
+            found[index] = track_id
+            taken.add(track_id)
+    return found
+
+
+def _add_nearest(
+    tracks: Sequence[Track],
+    scan: Mapping[int, Measurement],
+    barred: Mapping[int, str],
+    rules: TrackRules,
+    matched: dict[int, str],
+    refusals: dict[int, Refusal],
+) -> None:
+    """Global nearest neighbour: the pairs inside their gates with the least sum of -2 log likelihood."""
+    indices, measurements = list(scan), list(scan.values())
+    pairs = _pairs_in_gate(tracks, measurements, rules)
+    cost = np.full((len(measurements), len(tracks)), _FORBIDDEN)
+    for (row, column), value in pairs.items():
+        track, measurement, index = tracks[column], measurements[row], indices[row]
+        if barred.get(index) == track.id or _has_other_id(track, measurement):
+            continue
+        same_scan = _of_same_scan(track.steps, measurement, rules)
+        if measurement in same_scan:
+            refusals[index] = _duplicate(track)
+        elif not same_scan:
+            cost[row, column] = value
+    assigned_rows, assigned_columns = linear_sum_assignment(cost)
+    for row, column in zip(assigned_rows.tolist(), assigned_columns.tolist(), strict=True):
+        index = indices[row]
+        if cost[row, column] < _FORBIDDEN and index not in refusals:
+            refusal = _untimely(tracks[column], measurements[row], rules)
+            if refusal is None:
+                matched[index] = tracks[column].id
+            else:
+                refusals[index] = refusal
+    for index, measurement in scan.items():
+        if isinstance(measurement, Bearing) and index not in matched and index not in refusals:
+            refusals[index] = Refusal(
+                RefusalKind.UNEXPLAINED, "direction", f"no known threat lies there, as {measurement.source!r} sees it"
+            )
+
+
+def _pairs_in_gate(
+    tracks: Sequence[Track], measurements: Sequence[Measurement], rules: TrackRules
+) -> dict[tuple[int, int], float]:
+    """Return squared distance plus log det S of each pair (measurement, track) inside its gate."""
+    if not tracks:
+        return {}
+    first_s = min(each.time_s for each in measurements)
+    states = [state_before(track.steps, first_s) for track in tracks]
+    rows, columns = np.nonzero(within_reach(states, measurements, rules))
+    pairs = list(zip(rows.tolist(), columns.tolist(), strict=True))
+    chosen = [measurements[row] for row, _ in pairs]
+    squared, log_det = distances([states[column] for _, column in pairs], chosen, rules)
+    inside: npt.NDArray[np.bool_] = squared <= np.array([gate(each, rules) for each in chosen])
+    values = (squared + log_det).tolist()
+    return {pair: values[number] for number, pair in enumerate(pairs) if inside[number]}
+
+
+def _has_other_id(track: Track, measurement: Measurement) -> bool:
+    """Whether the source knows the track by another id: it says that these are two threats."""
+    return measurement.threat_id is not None and any(
+        each.source == measurement.source and each.threat_id != measurement.threat_id for each in track.sources
+    )
+
+
+def _of_same_scan(steps: Steps, measurement: Measurement, rules: TrackRules) -> list[Measurement]:
+    """Return what the same source has said of the track at the same time."""
+    found: list[Measurement] = []
+    for each in reversed(steps):
+        if each.time_s < measurement.time_s - rules.scan_s:
+            break
+        if each.measurement.source == measurement.source and each.time_s <= measurement.time_s + rules.scan_s:
+            found.append(each.measurement)
+    return found
+
+
+def _untimely(track: Track, measurement: Measurement, rules: TrackRules) -> Refusal | None:
+    if not can_take(track.steps, measurement, rules):
+        late_s = track.time_s - measurement.time_s
+        return Refusal(
+            RefusalKind.LATE,
+            "time",
+            f"{late_s:.1f} s older than the newest report of threat {track.id!r}; the limit is {rules.lag_s:g} s",
+        )
+    if measurement.time_s > track.time_s:
+        return None
+    repeated = any(
+        each.time_s == measurement.time_s and _same_sighting(each.measurement, measurement) for each in track.steps
+    )
+    return _duplicate(track) if repeated else None
+
+
+def _same_sighting(known: Measurement, new: Measurement) -> bool:
+    if known.source != new.source:
+        return False
+    return known == new if new.threat_id is None else known.threat_id == new.threat_id
+
+
+def _duplicate(track: Track) -> Refusal:
+    return Refusal(RefusalKind.DUPLICATE, "time", f"threat {track.id!r} has already been reported at this time")
+
+
+def _is_held_by_others(track: Track, measurement: Report, rules: TrackRules) -> bool:
+    """Whether another source, or another id, has lately reported the track."""
+    oldest_s = measurement.time_s - rules.coast_after_s
+    return any(
+        each.time_s >= oldest_s
+        and (each.measurement.source, each.measurement.threat_id) != (measurement.source, measurement.threat_id)
+        for each in track.steps
+    )
+
+
+def _out_of_reach(track: Track, report: Report, rules: TrackRules) -> Refusal | None:
+    before = state_before(track.steps, report.time_s)
+    elapsed_s = abs(report.time_s - before.time_s)
+    sigma_m = max(report.sigma_m or 0.0, math.sqrt(float(before.covariance[:3, :3].trace()) / 3))
+    jump_m = math.dist(before.mean[:3].tolist(), report.position_m)
+    if jump_m <= rules.reach_m + 6 * sigma_m + rules.max_speed_mps * elapsed_s:
+        return None
+    return Refusal(
+        RefusalKind.IMPOSSIBLE,
+        "position",
+        f"{jump_m:.0f} m from threat {track.id!r} {elapsed_s:.2f} s earlier; more than {rules.max_speed_mps:g} m/s",
+    )

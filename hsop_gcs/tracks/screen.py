@@ -1,0 +1,70 @@
+"""What a measurement is refused for before any track is looked at."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from hsop_gcs.errors import BadInput
+from hsop_gcs.reports import Bearing, Matrix3, Measurement, Report, ReportRules, Vector3, check_time
+from hsop_gcs.tracks.rules import TrackRules
+from hsop_gcs.tracks.sources import Refusal, RefusalKind
+
+
+def refusal_of(
+    measurement: Measurement, now_s: float, rules: TrackRules, hosts_m: Mapping[str, Vector3], clock: ReportRules
+) -> Refusal | None:
+    """Return why a measurement cannot be believed, whatever threats there are; None if it may be."""
+    try:
+        check_time(measurement.time_s, now_s, clock)
+    except BadInput as error:
+        return Refusal(RefusalKind.CLOCK, error.field, error.problem)
+    if isinstance(measurement, Bearing):
+        return _no_bearing(measurement)
+    return _no_position(measurement) or _on_own_host(measurement, rules, hosts_m)
+
+
+def _no_bearing(bearing: Bearing) -> Refusal | None:
+    if not _finite(bearing.origin_m):
+        return Refusal(RefusalKind.INVALID, "origin_m", f"{bearing.origin_m} is not a place")
+    if not _finite(bearing.direction) or not any(bearing.direction):
+        return Refusal(RefusalKind.INVALID, "direction", f"{bearing.direction} is not a direction")
+    if not 0 < bearing.sigma_rad < math.inf:
+        return Refusal(RefusalKind.INVALID, "sigma_rad", f"{bearing.sigma_rad} is not a standard deviation")
+    return None
+
+
+def _no_position(report: Report) -> Refusal | None:
+    if not _finite(report.position_m):
+        return Refusal(RefusalKind.INVALID, "position", f"{report.position_m} is not a place")
+    if report.velocity_mps is not None and not _finite(report.velocity_mps):
+        return Refusal(RefusalKind.INVALID, "velocity", f"{report.velocity_mps} is not a velocity")
+    for field, sigma in (("sigma_m", report.sigma_m), ("velocity_sigma_mps", report.velocity_sigma_mps)):
+        if sigma is not None and not 0 <= sigma < math.inf:
+            return Refusal(RefusalKind.INVALID, field, f"{sigma} is not a standard deviation")
+    if report.covariance_m2 is not None and not _is_covariance(report.covariance_m2):
+        return Refusal(RefusalKind.INVALID, "covariance_m2", f"{report.covariance_m2} is not a covariance")
+    return None
+
+
+def _on_own_host(report: Report, rules: TrackRules, hosts_m: Mapping[str, Vector3]) -> Refusal | None:
+    sigma_m = rules.default_sigma_m if report.sigma_m is None else report.sigma_m
+    radius_m = min(max(rules.host_radius_m, 2 * sigma_m), rules.max_host_radius_m)
+    for host_id, position_m in hosts_m.items():
+        distance_m = math.dist(report.position_m, position_m)
+        if distance_m <= radius_m:
+            return Refusal(
+                RefusalKind.OWN_HOST, "position", f"{distance_m:.1f} m from host {host_id!r}: taken for that host"
+            )
+    return None
+
+
+def _finite(vector: Vector3) -> bool:
+    return all(map(math.isfinite, vector))
+
+
+def _is_covariance(matrix: Matrix3) -> bool:
+    values = np.array(matrix, dtype=np.float64)
+    if values.shape != (3, 3) or not np.isfinite(values).all() or not np.allclose(values, values.T, rtol=1e-6):
+        return False
+    return bool(np.linalg.eigvalsh(values)[0] > 0)
