@@ -27,8 +27,12 @@ def register(app: typer.Typer) -> None:
         formulation: Annotated[
             str, typer.Option(help="letter, or operational: safety distance to whole paths, hosts apart.")
         ] = "operational",
-        objective: Annotated[str, typer.Option(help="What is minimised: letter (its Eq. 8).")] = "letter",
-        method: Annotated[str, typer.Option(help="letter, or coverage-only: its baseline without a cost.")] = "letter",
+        objective: Annotated[
+            str, typer.Option(help="letter: its Eq. 8; rms: the predicted error (method search).")
+        ] = "letter",
+        method: Annotated[
+            str, typer.Option(help="letter; coverage-only, its baseline; search, the global one.")
+        ] = "letter",
         initial_observers: Annotated[
             bool,
             typer.Option("--initial-observers", help="Only the letter's pairs: every threat keeps its nearest host."),
@@ -50,7 +54,7 @@ def register(app: typer.Typer) -> None:
         problem = problem_from_json(
             parse_json(_read(scenario), scenario),
             formulation=Formulation(_one_of("--formulation", formulation, list(Formulation))),
-            objective=Objective(_one_of("--objective", objective, [Objective.LETTER])),
+            objective=Objective(_one_of("--objective", objective, list(Objective))),
         )
         most = 2 * len(problem.threats)
         if hosts is not None and not 2 <= hosts <= most:

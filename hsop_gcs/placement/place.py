@@ -22,6 +22,8 @@ from hsop_gcs.placement.reasons import why_infeasible
 from hsop_gcs.placement.solution import HoverPose, Method, Placement, Status, ThreatPair, View
 
 PROVEN_GAP = 1e-3
+REASONING_S = 1.0
+"""What it may take to say why the search found nothing."""
 KINDS = {PERIPHERAL: CameraKind.PERIPHERAL, CENTRAL: CameraKind.CENTRAL}
 
 
@@ -42,38 +44,50 @@ def place(
     seconds. initial_observers: only the letter's (N_h - 1)^N_t pair sets, from the hosts' current positions, in which
     hosts keep their places. letters_cameras: only the letter's choice of cameras. Poses carry the ids of
     ``problem.hosts``, shared out for short flights, or h1, h2, ... if there are none.
-    Raises BadInput for a number of hosts outside 2 .. 2 N_t, no threats, and initial observers without positions.
+    Raises BadInput for no threats, a number of hosts outside 2 .. 2 N_t, initial observers without positions, and
+    what the method cannot do.
     """
-    _check(problem, n_hosts, initial_observers)
+    _check(problem, n_hosts, method, letters_own=initial_observers or letters_cameras)
+    if initial_observers and not problem.hosts:
+        raise BadInput("hosts", "current positions are needed to choose initial observers, and none were given")
     started = now()
-    instance = Instance.of(problem)
+    deadline = started + time_limit_s
     search = Search(
-        instance,
+        Instance.of(problem),
         seed=seed,
-        deadline=started + time_limit_s,
+        deadline=deadline,
         now=now,
         observers=(lambda count: _observers(problem, count)) if initial_observers else None,
         letters_cameras=letters_cameras,
     )
     most = 2 * len(problem.threats)
     available = min(most, _available(problem, most))
-    best = None
-    for count in range(2, available + 1) if n_hosts is None else range(n_hosts, min(n_hosts, available) + 1):
-        best = search.solve_all(count) if method is Method.LETTER else cover(search, count)
-        if best is not None or search.late():
-            break
-    if best is None:
-        reason = why_infeasible(problem, search, n_hosts=n_hosts, available=available)
-        placement = Placement(
-            status=Status.INFEASIBLE, formulation=problem.formulation, objective=problem.objective, reason=reason
-        )
+    if method is Method.SEARCH:
+        # Compiled kernels take a second to load, which the other methods need not pay.
+        from hsop_gcs.placement.search import search as search_globally
+
+        placement = search_globally(problem, n_hosts=n_hosts, seed=seed, deadline=deadline, now=now)
+        search.deadline = now() + REASONING_S
     else:
-        names = _names(problem, best.poses, by_role=initial_observers)
-        placement = _placement(problem, best, names, lower_bound(instance))
+        counts = range(2, available + 1) if n_hosts is None else range(n_hosts, min(n_hosts, available) + 1)
+        placement = _fewest_first(problem, search, method, counts, by_role=initial_observers)
+    if placement.status is Status.INFEASIBLE:
+        placement = replace(placement, reason=why_infeasible(problem, search, n_hosts=n_hosts, available=available))
     return replace(placement, method=method, seed=seed, solve_time_s=now() - started)
 
 
-def _check(problem: Problem, n_hosts: int | None, initial_observers: bool) -> None:
+def _fewest_first(problem: Problem, search: Search, method: Method, counts: range, *, by_role: bool) -> Placement:
+    """Add hosts until they see every threat (Algorithm 3)."""
+    for count in counts:
+        best = search.solve_all(count) if method is Method.LETTER else cover(search, count)
+        if best is not None:
+            return _placement(problem, best, _names(problem, best.poses, by_role=by_role), lower_bound(search.instance))
+        if search.late():
+            break
+    return Placement(status=Status.INFEASIBLE, formulation=problem.formulation, objective=problem.objective)
+
+
+def _check(problem: Problem, n_hosts: int | None, method: Method, *, letters_own: bool) -> None:
     most = 2 * len(problem.threats)
     if not problem.threats:
         raise BadInput("threats", "there are none to place hosts for")
@@ -83,10 +97,10 @@ def _check(problem: Problem, n_hosts: int | None, initial_observers: bool) -> No
             f"{n_hosts} is outside 2..{most}: a threat takes two hosts, and {len(problem.threats)} "
             f"threat{'s' if most > 2 else ''} cannot use more than {most}",
         )
-    if initial_observers and not problem.hosts:
-        raise BadInput("hosts", "current positions are needed to choose initial observers, and none were given")
-    if problem.objective is not Objective.LETTER:
-        raise BadInput("objective", f"{problem.objective.value!r} is not what this method minimises; use 'letter'")
+    if letters_own and method is Method.SEARCH:
+        raise BadInput("method", f"{method.value!r} knows neither initial observers nor the letter's cameras")
+    if problem.objective is not Objective.LETTER and method is not Method.SEARCH:
+        raise BadInput("objective", f"{problem.objective.value!r} is not what method {method.value!r} minimises")
 
 
 def _available(problem: Problem, most: int) -> int:

@@ -24,6 +24,8 @@ class Method(StrEnum):
 
     LETTER = "letter"
     """Algorithm 3: an interior-point solve of every pair set and camera choice."""
+    SEARCH = "search"
+    """The global search: annealing over poses, pairs and cameras, in compiled code."""
     COVERAGE_ONLY = "coverage-only"
     """The letter's baseline: the same constraints, no cost."""
 

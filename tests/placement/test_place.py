@@ -161,6 +161,17 @@ def test_a_climbing_threat_is_looked_up_to_by_its_mean_elevation() -> None:
             assert pose.tilt_deg == pytest.approx(elevation, abs=1e-9 * DEGREE)
 
 
+@pytest.mark.parametrize("formulation", list(Formulation))
+def test_the_global_search_answers_through_the_same_entry(formulation: Formulation) -> None:
+    asked = problem("2-threats-103", formulation)
+    # A clock that jumps: past its deadline after the first look, so that one round is run.
+    ticks = itertools.count()
+    placement = place(asked, n_hosts=3, method=Method.SEARCH, time_limit_s=0.5, now=lambda: float(next(ticks)))
+    verdict = check(read("2-threats-103"), plan_to_json(placement), segment=formulation is Formulation.OPERATIONAL)
+    assert verdict["ok"], verdict["problems"]
+    assert placement.method is Method.SEARCH
+
+
 def refused(asked: Problem, n_hosts: int | None = None, initial_observers: bool = False) -> str:
     placement = place(asked, n_hosts=n_hosts, initial_observers=initial_observers, now=unhurried)
     assert placement.status is Status.INFEASIBLE
@@ -236,5 +247,7 @@ def test_what_the_method_cannot_do_is_bad_input() -> None:
         place(Problem(threats=()), now=unhurried)
     with pytest.raises(BadInput, match="initial observers"):
         place(still((0.0, 0.0)), initial_observers=True, now=unhurried)
-    with pytest.raises(BadInput, match="'rms'"):
+    with pytest.raises(BadInput, match="objective: 'rms'"):
         place(replace(still((0.0, 0.0)), objective=Objective.RMS), now=unhurried)
+    with pytest.raises(BadInput, match="method: 'search'"):
+        place(still((0.0, 0.0)), method=Method.SEARCH, letters_cameras=True, now=unhurried)
