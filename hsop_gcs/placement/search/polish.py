@@ -297,6 +297,16 @@ def barrier_value(q: Question, rows: Ints, poses: Floats, mu: float, margins: Fl
 
 
 @kernel
+def poses_of(s: State) -> Floats:
+    """Return the hosts' positions and headings: (hosts, 4)."""
+    poses = np.empty((s.degree.shape[0], 4))
+    for host in range(s.degree.shape[0]):
+        poses[host, :3] = s.positions[host]
+        poses[host, 3] = math.atan2(s.axes[host, 0], s.axes[host, 1])
+    return poses
+
+
+@kernel
 def polish(q: Question, s: State, moving: Ints, steps: int) -> bool:
     """Improve the poses of the hosts marked 1 in ``moving`` to a local optimum; False if nothing was gained.
 
@@ -320,10 +330,7 @@ def polish(q: Question, s: State, moving: Ints, steps: int) -> bool:
                 continue
             column[host, axis] = n
             n += 1
-    poses = np.empty((hosts, 4))
-    poses[:, :3] = s.positions
-    for host in range(hosts):
-        poses[host, 3] = math.atan2(s.axes[host, 0], s.axes[host, 1])
+    poses = poses_of(s)
     # Lengths in units of ten metres, so that positions and angles weigh alike.
     unit = np.array([10.0, 10.0, 10.0, 1.0])
     count = rows.shape[0]
