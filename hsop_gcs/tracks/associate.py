@@ -14,14 +14,17 @@ import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from hsop_gcs.reports import Bearing, Measurement, Report
+from hsop_gcs.tracks.filter import State, surely_within
 from hsop_gcs.tracks.gate import distances, gate, impossible, within_reach
 from hsop_gcs.tracks.history import Steps, can_take, state_before
 from hsop_gcs.tracks.rules import TrackRules
 from hsop_gcs.tracks.sources import Refusal, RefusalKind
-from hsop_gcs.tracks.track import Track
+from hsop_gcs.tracks.track import Track, TrackStatus
 
 _FORBIDDEN = 1e9
-"""Cost of a pair outside its gate; above any sum of distances inside."""
+"""Cost of a pair outside its gate; above any sum of the others."""
+_SECOND_CHOICE = 1e4
+"""Added for a tentative track; above any sum of distances inside gates: confirmed ones come first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,23 +38,39 @@ class Association:
     """Those whose id is bound no more to the track it was bound to."""
 
 
-def associate(tracks: Mapping[str, Track], scan: Sequence[Measurement], rules: TrackRules) -> Association:
-    """Give each measurement of a scan to at most one track, and each track at most one measurement."""
+def associate(
+    tracks: Mapping[str, Track], scan: Sequence[Measurement], suspects: Mapping[int, Refusal], rules: TrackRules
+) -> Association:
+    """Give each measurement of a scan to at most one track, and each track at most one measurement.
+
+    ``suspects``: measurements that are refused unless they bear a known threat's id and lie in its gate.
+    """
     matched: dict[int, str] = {}
-    refusals: dict[int, Refusal] = {}
     released: set[int] = set()
-    hinted = hints(tracks, scan)
+    hinted = _hints(tracks, scan)
+    refusals = {index: refusal for index, refusal in suspects.items() if index not in hinted}
     for index, track_id in hinted.items():
         refusal = _untimely(tracks[track_id], scan[index], rules)
         if refusal is not None:
             refusals[index] = refusal
-    due = [index for index in hinted if index not in refusals]
-    states = [state_before(tracks[hinted[index]].steps, scan[index].time_s) for index in due]
-    squared, _ = distances(states, [scan[index] for index in due], rules)
+    due: dict[int, State] = {}
+    for index, track_id in hinted.items():
+        if index not in refusals:
+            state, measurement = state_before(tracks[track_id].steps, scan[index].time_s), scan[index]
+            if isinstance(measurement, Report) and surely_within(state, measurement, gate(measurement, rules), rules):
+                matched[index] = track_id
+            else:
+                due[index] = state
+    squared = distances(list(due.values()), [scan[index] for index in due], rules)[0] if due else np.zeros(0)
     for index, distance in zip(due, squared.tolist(), strict=True):
         measurement, track = scan[index], tracks[hinted[index]]
         if distance < impossible(measurement, rules):
-            matched[index] = track.id
+            if index not in suspects or distance <= gate(measurement, rules):
+                matched[index] = track.id
+            else:
+                refusals[index] = suspects[index]
+        elif index in suspects:
+            refusals[index] = suspects[index]
         elif isinstance(measurement, Bearing) or _is_held_by_others(track, measurement, rules):
             released.add(index)
         elif (refusal := _out_of_reach(track, measurement, rules)) is not None:
@@ -66,7 +85,7 @@ def associate(tracks: Mapping[str, Track], scan: Sequence[Measurement], rules: T
     return Association(tracks=matched, refusals=refusals, released=frozenset(released))
 
 
-def hints(tracks: Mapping[str, Track], scan: Sequence[Measurement]) -> dict[int, str]:
+def _hints(tracks: Mapping[str, Track], scan: Sequence[Measurement]) -> dict[int, str]:
     """Return the track that each measurement's id stands for, by index; a track at most once."""
     if all(each.threat_id is None and each.track_id is None for each in scan):
         return {}
@@ -103,7 +122,7 @@ def _add_nearest(
         if measurement in same_scan:
             refusals[index] = _duplicate(track)
         elif not same_scan:
-            cost[row, column] = value
+            cost[row, column] = value + (_SECOND_CHOICE if track.status is TrackStatus.TENTATIVE else 0.0)
     assigned_rows, assigned_columns = linear_sum_assignment(cost)
     for row, column in zip(assigned_rows.tolist(), assigned_columns.tolist(), strict=True):
         index = indices[row]

@@ -10,13 +10,13 @@ from scipy.special import chdtri
 from hsop_gcs.reports import Measurement, Report
 from hsop_gcs.tracks.filter import (
     FloatArray,
-    Innovation,
     State,
     dimension,
     innovate,
     position_noise,
     predict,
     squared_distance,
+    subset,
 )
 from hsop_gcs.tracks.rules import TrackRules
 
@@ -59,7 +59,7 @@ def distances(
     for alike in by_dimension(measurements):
         chosen = [measurements[index] for index in alike]
         mean, covariance = predicted([states[index] for index in alike], [each.time_s for each in chosen], rules)
-        seen = innovate(mean, chosen, rules)
+        seen = innovate(mean, covariance, chosen, rules)
         ahead = np.isfinite(seen.residual[:, 0])
         where = np.array(alike)[ahead]
         squared[where], log_det[where] = squared_distance(covariance[ahead], subset(seen, ahead))
@@ -102,32 +102,9 @@ def explained(state: State, measurement: Measurement, rules: TrackRules) -> bool
     return bool(squared[0] <= gate(measurement, rules))
 
 
-def widened(covariance: FloatArray, seen: Innovation, rules: TrackRules) -> FloatArray:
-    """Return the covariances, each doubled until its measurement lies in the gate.
-
-    A measurement that its id binds to a threat, far from where the threat was expected, says that the threat
-    manoeuvred: what was believed of it is worth less. In the gate nothing changes.
-    """
-    limit = threshold(seen.residual.shape[1], 1.0 - rules.gate_probability)
-    squared, _ = squared_distance(covariance, seen)
-    outside = squared > limit
-    if not outside.any():
-        return covariance
-    covariance = covariance.copy()
-    while outside.any():
-        covariance[outside] *= 2.0
-        squared[outside], _ = squared_distance(covariance[outside], subset(seen, outside))
-        outside = squared > limit
-    return covariance
-
-
 def by_dimension(measurements: Sequence[Measurement]) -> list[list[int]]:
     """Return the indices of measurements that can be handled in one batch, in order."""
     groups: dict[int, list[int]] = {}
     for index, each in enumerate(measurements):
         groups.setdefault(dimension(each), []).append(index)
     return list(groups.values())
-
-
-def subset(seen: Innovation, chosen: npt.NDArray[np.bool_]) -> Innovation:
-    return Innovation(seen.residual[chosen], seen.matrix[chosen], seen.noise[chosen])

@@ -8,11 +8,9 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from hsop_gcs.reports import Bearing, Measurement
-from hsop_gcs.tracks.filter import State, correct, first_state, innovate
-from hsop_gcs.tracks.gate import by_dimension, predicted, subset, widened
+from hsop_gcs.tracks.filter import State, first_state, update
+from hsop_gcs.tracks.gate import by_dimension, gate, predicted
 from hsop_gcs.tracks.rules import TrackRules
 
 
@@ -78,21 +76,12 @@ def insert(histories: Sequence[Steps], measurements: Sequence[Measurement], rule
 
 
 def advance(states: Sequence[State], measurements: Sequence[Measurement], rules: TrackRules) -> list[State]:
-    """Return each state after its measurement, at the measurement's time.
-
-    A bearing towards a threat that is expected behind the camera changes nothing.
-    """
+    """Return each state after its measurement, at the measurement's time."""
     after: list[State] = list(states)
     for alike in by_dimension(measurements):
         chosen = [measurements[index] for index in alike]
         mean, covariance = predicted([states[index] for index in alike], [each.time_s for each in chosen], rules)
-        seen = innovate(mean, chosen, rules)
-        ahead = np.isfinite(seen.residual[:, 0])
-        if ahead.all():
-            mean, covariance = correct(mean, widened(covariance, seen, rules), seen)
-        elif ahead.any():
-            seen = subset(seen, ahead)
-            mean[ahead], covariance[ahead] = correct(mean[ahead], widened(covariance[ahead], seen, rules), seen)
+        mean, covariance = update(mean, covariance, chosen, gate(chosen[0], rules), rules)
         for row, index in enumerate(alike):
             after[index] = State(measurements[index].time_s, mean[row], covariance[row])
     return after

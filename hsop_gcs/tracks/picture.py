@@ -10,7 +10,7 @@ from hsop_gcs.tracks.associate import associate
 from hsop_gcs.tracks.history import insert
 from hsop_gcs.tracks.lifecycle import aged, begin, extend, has_left, without_id
 from hsop_gcs.tracks.rules import TrackRules
-from hsop_gcs.tracks.screen import refusal_of
+from hsop_gcs.tracks.screen import on_own_host, refusal_of
 from hsop_gcs.tracks.sources import Refusal, RefusalKind, Watches, believed, heard, refused
 from hsop_gcs.tracks.track import Track
 
@@ -84,6 +84,7 @@ class _Work:
         self._named = picture.named
         self._measurements = measurements
         self._seen: set[Measurement] = set()
+        self._suspects: dict[int, Refusal] = {}
         self._now_s = now_s
         self._rules = rules
 
@@ -100,18 +101,21 @@ class _Work:
         measurement = self._measurements[index]
         watch = self._sources.get(measurement.source)
         self._sources[measurement.source] = heard(watch, measurement.time_s, self._now_s)
-        refusal = refusal_of(measurement, self._now_s, self._rules, hosts_m, clock)
+        refusal = refusal_of(measurement, self._now_s, clock)
         if refusal is None and measurement in self._seen:
             problem = f"{measurement.source!r} has sent the same report twice"
             refusal = Refusal(RefusalKind.DUPLICATE, "time", problem)
         if refusal is not None:
             self._refuse(index, refusal)
+        elif (suspicion := on_own_host(measurement, self._rules, hosts_m)) is not None:
+            self._suspects[index] = suspicion
         self._seen.add(measurement)
 
     def take(self, scan: Sequence[int]) -> None:
         """Associate one scan, correct the tracks it speaks of and begin the new ones."""
         measurements = [self._measurements[index] for index in scan]
-        association = associate(self._tracks, measurements, self._rules)
+        suspects = {position: self._suspects[index] for position, index in enumerate(scan) if index in self._suspects}
+        association = associate(self._tracks, measurements, suspects, self._rules)
         for position in association.released:
             self._release(measurements[position])
         for position, refusal in association.refusals.items():

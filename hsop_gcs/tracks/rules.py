@@ -36,12 +36,13 @@ class TrackRules:
     """No position is believed to be better than this."""
     velocity_sigma_mps: float = 0.5
     """Of a velocity whose source does not say."""
+    min_velocity_sigma_mps: float = 0.05
     first_velocity_sigma_mps: float = 10.0
     """How fast threats fly, each axis, before anything shows it."""
     velocity_known_sigma_mps: float = 3.0
     """A velocity is known once its standard deviation, each axis, is below this."""
 
-    gate_probability: float = 0.999
+    gate_probability: float = 0.9999
     """How likely a threat's own report lies within its gate."""
     impossible_probability: float = 1e-9
     """A report less likely than this is of another threat, whatever id it bears."""
@@ -57,7 +58,8 @@ class TrackRules:
     confirm_at_once: ConfirmAtOnce = ConfirmAtOnce.ID
 
     host_radius_m: float = 5.0
-    """A report this near to a host of our own, or within twice its sigma, is of that host."""
+    """A report this near to a host of our own, or within twice its sigma, is of that host, unless it bears a known
+    threat's id and lies in its gate: a threat that passes a host does not vanish."""
     max_host_radius_m: float = 10.0
     """However coarse a report is: a threat beside a host must not be hidden by it."""
     source_memory_s: float = 600.0

@@ -11,9 +11,7 @@ from hsop_gcs.tracks.rules import TrackRules
 from hsop_gcs.tracks.sources import Refusal, RefusalKind
 
 
-def refusal_of(
-    measurement: Measurement, now_s: float, rules: TrackRules, hosts_m: Mapping[str, Vector3], clock: ReportRules
-) -> Refusal | None:
+def refusal_of(measurement: Measurement, now_s: float, clock: ReportRules) -> Refusal | None:
     """Return why a measurement cannot be believed, whatever threats there are; None if it may be."""
     try:
         check_time(measurement.time_s, now_s, clock)
@@ -21,7 +19,22 @@ def refusal_of(
         return Refusal(RefusalKind.CLOCK, error.field, error.problem)
     if isinstance(measurement, Bearing):
         return _no_bearing(measurement)
-    return _no_position(measurement) or _on_own_host(measurement, rules, hosts_m)
+    return _no_position(measurement)
+
+
+def on_own_host(measurement: Measurement, rules: TrackRules, hosts_m: Mapping[str, Vector3]) -> Refusal | None:
+    """Return why a position is suspected to be that of a host of ours; None if it is not."""
+    if isinstance(measurement, Bearing):
+        return None
+    sigma_m = rules.default_sigma_m if measurement.sigma_m is None else measurement.sigma_m
+    radius_m = min(max(rules.host_radius_m, 2 * sigma_m), rules.max_host_radius_m)
+    for host_id, position_m in hosts_m.items():
+        distance_m = math.dist(measurement.position_m, position_m)
+        if distance_m <= radius_m:
+            return Refusal(
+                RefusalKind.OWN_HOST, "position", f"{distance_m:.1f} m from host {host_id!r}: taken for that host"
+            )
+    return None
 
 
 def _no_bearing(bearing: Bearing) -> Refusal | None:
@@ -44,18 +57,6 @@ def _no_position(report: Report) -> Refusal | None:
             return Refusal(RefusalKind.INVALID, field, f"{sigma} is not a standard deviation")
     if report.covariance_m2 is not None and not _is_covariance(report.covariance_m2):
         return Refusal(RefusalKind.INVALID, "covariance_m2", f"{report.covariance_m2} is not a covariance")
-    return None
-
-
-def _on_own_host(report: Report, rules: TrackRules, hosts_m: Mapping[str, Vector3]) -> Refusal | None:
-    sigma_m = rules.default_sigma_m if report.sigma_m is None else report.sigma_m
-    radius_m = min(max(rules.host_radius_m, 2 * sigma_m), rules.max_host_radius_m)
-    for host_id, position_m in hosts_m.items():
-        distance_m = math.dist(report.position_m, position_m)
-        if distance_m <= radius_m:
-            return Refusal(
-                RefusalKind.OWN_HOST, "position", f"{distance_m:.1f} m from host {host_id!r}: taken for that host"
-            )
     return None
 
 

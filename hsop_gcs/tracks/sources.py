@@ -21,6 +21,8 @@ class RefusalKind(StrEnum):
     """Older than its threat's newest report by more than the lag."""
     IMPOSSIBLE = "impossible"
     """Its threat could not have flown there."""
+    DISMISSED = "dismissed"
+    """Of a threat that an operator took out of the picture."""
     UNEXPLAINED = "unexplained"
     """A bearing in which no known threat lies."""
 
