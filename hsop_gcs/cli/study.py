@@ -1,0 +1,168 @@
+"""``hsop-gcs study``: Monte Carlo studies of placements and estimators."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hsop_gcs.errors import BadInput
+
+if TYPE_CHECKING:
+    from hsop_gcs.study.results import Results
+    from hsop_gcs.study.summary import Claim
+    from hsop_gcs.study.trial import Record, Study
+
+commands = typer.Typer(name="study", help="Monte Carlo studies of placements and estimators.", no_args_is_help=True)
+
+
+def register(app: typer.Typer) -> None:
+    app.add_typer(commands)
+
+
+@commands.command()
+def letter(
+    scenarios: Annotated[int, typer.Option(help="Random scenarios for each number of threats.")] = 100,
+    draws: Annotated[int, typer.Option(help="Noise draws per threat, half now and half after the horizon.")] = 10_000,
+    threats: Annotated[str, typer.Option(help="Numbers of threats, separated by commas.")] = "2,3,4",
+    seed: Annotated[int, typer.Option(help="The same seed gives the same numbers, for any number of jobs.")] = 0,
+    jobs: Annotated[int | None, typer.Option(help="Processes.", show_default="one per core")] = None,
+    rounds: Annotated[int, typer.Option(help="Rounds of the placement search for each number of hosts.")] = 3,
+    size: Annotated[float, typer.Option(help="Width of the threats, metres; the letter does not say.")] = 1.5,
+    area: Annotated[float, typer.Option(help="Side of the threats' square, metres; the letter does not say.")] = 40.0,
+    placement: Annotated[
+        str, typer.Option(help="Placements to compare, separated by commas.")
+    ] = "hsop,coverage-only,rms,operational",
+    dask: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, tcp://...", show_default=False)] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Directory for results, tables and Fig. 11.", show_default=False)
+    ] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the rows here.", show_default=False)] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the results in --out.")] = False,
+) -> None:
+    """Repeat the letter's study (its Fig. 11), and compare what goes beyond it."""
+    from hsop_gcs.study.assumptions import Assumptions
+    from hsop_gcs.study.placements import Kind
+    from hsop_gcs.study.results import Results
+    from hsop_gcs.study.trial import Study
+
+    known = [kind.value for kind in Kind]
+    names = placement.split(",")
+    for name in names:
+        if name not in known:
+            raise BadInput("--placement", f"{name!r} is not one of {', '.join(known)}")
+    study = Study(
+        threats=tuple(_whole(text, "--threats") for text in threats.split(",")),
+        scenarios=scenarios,
+        draws=draws,
+        seed=seed,
+        rounds=rounds,
+        kinds=tuple(kind for kind in Kind if kind.value in names),
+        assumptions=Assumptions(size_m=size, area_m=area, coverage_start_m=area),
+    )
+    if resume and out is None:
+        raise BadInput("--resume", "names nothing to go on with; give the directory with --out")
+    if json_file is not None and not json_file.parent.is_dir():
+        raise BadInput("--json", f"{json_file}: there is no directory {json_file.parent}")
+    results = Results(study, None if out is None else out / "trials.jsonl")
+    results.begin(resume=resume)
+    records, seconds = _run(results, jobs, dask)
+    _report(study, records, seconds, json_file, out)
+
+
+@commands.command()
+def sensitivity(
+    scenarios: Annotated[int, typer.Option(help="Random scenarios for each number of threats.")] = 30,
+    draws: Annotated[int, typer.Option(help="Noise draws per threat.")] = 2000,
+    threats: Annotated[str, typer.Option(help="Numbers of threats, separated by commas.")] = "2,3",
+    seed: Annotated[int, typer.Option(help="The same seed gives the same numbers.")] = 0,
+    jobs: Annotated[int | None, typer.Option(help="Processes.", show_default="one per core")] = None,
+    rounds: Annotated[int, typer.Option(help="Rounds of the placement search for each number of hosts.")] = 3,
+    out: Annotated[Path | None, typer.Option(help="Write a table here (Markdown).", show_default=False)] = None,
+) -> None:
+    """Vary what the letter does not state, one thing at a time, and print what becomes of its numbers."""
+    from hsop_gcs.study.results import Results
+    from hsop_gcs.study.sensitivity import table_line, table_title, variants
+    from hsop_gcs.study.trial import Study
+
+    counts = tuple(_whole(text, "--threats") for text in threats.split(","))
+    lines = [table_title()]
+    typer.echo(lines[0])
+    for name, assumptions, kinds in variants():
+        study = Study(
+            threats=counts,
+            scenarios=scenarios,
+            draws=draws,
+            seed=seed,
+            rounds=rounds,
+            kinds=kinds,
+            assumptions=assumptions,
+        )
+        results = Results(study, None)
+        records, _ = _run(results, jobs, None)
+        lines.append(table_line(name, records))
+        typer.echo(lines[-1])
+    if out is not None:
+        _write(out, "\n".join(lines) + "\n")
+
+
+def _run(results: "Results", jobs: int | None, dask: str | None) -> "tuple[list[Record], float]":
+    """Run with a progress bar on stderr; return the records and the seconds it took."""
+    import os
+    import time
+
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from hsop_gcs.study.engine import run
+
+    if jobs is not None and jobs < 1:
+        raise BadInput("--jobs", f"must be at least 1, not {jobs}")
+    started = time.monotonic()
+    columns = (TextColumn("scenarios"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("scenarios")
+        records = run(
+            results,
+            jobs=jobs or os.cpu_count() or 1,
+            dask=dask,
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
+        )
+    return records, time.monotonic() - started
+
+
+def _report(study: "Study", records: "list[Record]", seconds: float, json_file: Path | None, out: Path | None) -> None:
+    import json
+
+    from hsop_gcs.study.summary import claims, markdown, rows
+
+    table = rows(records)
+    found = claims(records)
+    text = markdown(table) + "\n" + _claims(found)
+    typer.echo(text)
+    typer.echo(f"{len(records)} scenarios in {seconds:.0f} s")
+    content = {"study": study.as_json(), "rows": [row.as_json() for row in table]}
+    for path in [json_file, None if out is None else out / "rows.json"]:
+        if path is not None:
+            _write(path, json.dumps(content, indent=1) + "\n")
+    if out is not None:
+        _write(out / "study.md", text)
+
+
+def _claims(found: "list[Claim]") -> str:
+    lines = ["| claim | measured | holds |", "|---|---|---|"]
+    lines += [f"| {claim.claim} | {claim.measured} | {'yes' if claim.holds else 'NO'} |" for claim in found]
+    return "\n".join(lines) + "\n"
+
+
+def _whole(text: str, option: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise BadInput(option, f"{text!r} is not a whole number") from None
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise BadInput(str(path), f"cannot be written: {error.strerror or error}") from None

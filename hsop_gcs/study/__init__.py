@@ -1,0 +1,1 @@
+"""Monte Carlo studies of placements and estimators, and the letter's figures."""

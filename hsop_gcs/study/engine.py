@@ -1,0 +1,79 @@
+"""Runs the trials of a study here, on a pool of processes, or on a Dask cluster: the same results each time."""
+
+from collections.abc import Callable, Generator
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from contextlib import closing
+from importlib import import_module
+from itertools import islice
+from multiprocessing import get_context
+from typing import Any
+
+from hsop_gcs.errors import Unavailable
+from hsop_gcs.study.results import Results
+from hsop_gcs.study.trial import Record, Study, Trial, run_trial
+
+IN_FLIGHT = 4
+"""Trials handed out per worker, so that an interrupted run has little unfinished."""
+
+
+def run(
+    results: Results,
+    *,
+    jobs: int = 1,
+    dask: str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Record]:
+    """Run what is missing from ``results`` and return all records, in the order of the study's trials.
+
+    jobs: processes; 1 is this one. dask: address of a scheduler, tcp://..., whose workers run the trials instead; they
+    need this package. progress: told how many trials are done, of how many. Raises Unavailable without the cluster.
+    """
+    missing = results.missing
+    total = len(results.study.trials())
+    done = total - len(missing)
+    tell = progress or (lambda *_: None)
+    tell(done, total)
+    if dask is not None:
+        finished: Generator[Record, None, None] = _on_dask(results.study, missing, dask)
+    elif jobs > 1:
+        finished = _on_processes(results.study, missing, jobs)
+    else:
+        finished = (run_trial(results.study, trial) for trial in missing)
+    with results.writing(), closing(finished):
+        for record in finished:
+            results.add(record)
+            done += 1
+            tell(done, total)
+    return results.records
+
+
+def _on_processes(study: Study, trials: list[Trial], jobs: int) -> Generator[Record, None, None]:
+    """Yield records as they are finished. New processes, not forked ones: the kernels run threads."""
+    waiting = iter(trials)
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        running = {pool.submit(run_trial, study, trial) for trial in islice(waiting, IN_FLIGHT * jobs)}
+        try:
+            while running:
+                finished, running = wait(running, return_when=FIRST_COMPLETED)
+                running |= {pool.submit(run_trial, study, trial) for trial in islice(waiting, len(finished))}
+                for future in finished:
+                    yield future.result()
+        finally:
+            for future in running:
+                future.cancel()
+
+
+def _on_dask(study: Study, trials: list[Trial], address: str) -> Generator[Record, None, None]:
+    """Yield records as a cluster finishes them; a worker that is lost has its trials run by the others."""
+    try:
+        distributed: Any = import_module("distributed")
+    except ImportError:
+        raise Unavailable("Dask is not installed; it comes with hsop-gcs[dask]") from None
+    try:
+        client = distributed.Client(address, timeout="10s", set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise Unavailable(f"no Dask scheduler answers at {address}: {error}") from None
+    with client:
+        futures = client.map(run_trial, [study] * len(trials), trials, pure=False)
+        for future in distributed.as_completed(futures, loop=client.loop):
+            yield future.result()
