@@ -33,6 +33,19 @@ class PinholeCamera:
         return self.focal_length_mm * self.resolution_px / self.sensor_width_mm
 
     @property
+    def height_px(self) -> int:
+        """Rows of the image: three for every four columns, as in the letter's Table 1."""
+        return round(0.75 * self.resolution_px)
+
+    @property
+    def camera_matrix(self) -> npt.NDArray[np.float64]:
+        """Return OpenCV's camera matrix, (3, 3), pixels; pixel centres have whole coordinates."""
+        focal = self.focal_length_px
+        return np.array(
+            [[focal, 0.0, (self.resolution_px - 1) / 2], [0.0, focal, (self.height_px - 1) / 2], [0.0, 0.0, 1.0]]
+        )
+
+    @property
     def half_fov_rad(self) -> float:
         return math.radians(self.fov_deg) / 2
 

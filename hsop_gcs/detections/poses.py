@@ -1,0 +1,142 @@
+"""Where a host was and how it was turned, lately: telemetry kept for the detections that come after it.
+
+Position, attitude and gimbal arrive at rates of their own; each is a series, interpolated by itself.
+"""
+
+import math
+from bisect import bisect_right
+from dataclasses import dataclass, replace
+
+from hsop_gcs.detections.detection import Reason, Unusable
+from hsop_gcs.geometry.frames import Aim, wrap_deg
+from hsop_gcs.reports import Vector3
+
+MEMORY_S = 6.0
+"""Longer than the tracker takes late reports, and the way of a detection to us."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pose:
+    """A host at one time: ENU metres, compass heading, roll right and nose up positive, the gimbal's earth-frame aim.
+
+    The sigmas are what interpolation leaves open, each axis, radians: a gimbal that steps between two samples is
+    anywhere between them.
+    """
+
+    position_m: Vector3
+    heading_deg: float
+    roll_deg: float = 0.0
+    pitch_deg: float = 0.0
+    attitude_sigma_rad: float = 0.0
+    aim: Aim | None = None
+    aim_sigma_rad: float = 0.0
+
+
+Sample = tuple[float, Vector3]
+"""Time, and three numbers."""
+Series = tuple[Sample, ...]
+"""Oldest first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseHistory:
+    """One host's telemetry of the last seconds; each sample makes a new history, one that comes late none."""
+
+    positions: Series = ()
+    attitudes: Series = ()
+    """Heading, roll, pitch, degrees."""
+    aims: Series = ()
+    """Pan, tilt, 0, degrees."""
+
+    def with_position(self, time_s: float, position_m: Vector3) -> "PoseHistory":
+        return replace(self, positions=_appended(self.positions, time_s, position_m))
+
+    def with_attitude(self, time_s: float, *, heading_deg: float, roll_deg: float, pitch_deg: float) -> "PoseHistory":
+        return replace(self, attitudes=_appended(self.attitudes, time_s, (heading_deg, roll_deg, pitch_deg)))
+
+    def with_aim(self, time_s: float, aim: Aim) -> "PoseHistory":
+        return replace(self, aims=_appended(self.aims, time_s, (aim.pan_deg, aim.tilt_deg, 0.0)))
+
+    @property
+    def newest_position_m(self) -> Vector3 | None:
+        return self.positions[-1][1] if self.positions else None
+
+    def at(self, time_s: float, limit_s: float) -> Pose:
+        """Return the pose at ``time_s``. Raises Unusable if position or attitude are not known within ``limit_s``.
+
+        Beyond the newest sample a position goes on as it moved, angles stay.
+        """
+        _require_near(self.positions, time_s, limit_s, "position")
+        _require_near(self.attitudes, time_s, limit_s, "attitude")
+        (heading_deg, roll_deg, pitch_deg), attitude_sigma_deg = _angles_at(self.attitudes, time_s)
+        aim, aim_sigma_deg = None, 0.0
+        if _outside_s(self.aims, time_s) <= limit_s:
+            (pan_deg, tilt_deg, _), aim_sigma_deg = _angles_at(self.aims, time_s)
+            aim = Aim(pan_deg=pan_deg % 360.0, tilt_deg=tilt_deg)
+        return Pose(
+            position_m=_position_at(self.positions, time_s),
+            heading_deg=heading_deg % 360.0,
+            roll_deg=roll_deg,
+            pitch_deg=pitch_deg,
+            attitude_sigma_rad=math.radians(attitude_sigma_deg),
+            aim=aim,
+            aim_sigma_rad=math.radians(aim_sigma_deg),
+        )
+
+
+def _appended(series: Series, time_s: float, values: Vector3) -> Series:
+    if series and time_s <= series[-1][0]:
+        return series
+    first = bisect_right(series, time_s - MEMORY_S, key=_time)
+    return (*series[first:], (time_s, values))
+
+
+def _time(sample: Sample) -> float:
+    return sample[0]
+
+
+def _outside_s(series: Series, time_s: float) -> float:
+    """Return how far the nearest sample is, seconds; infinite without one."""
+    place = bisect_right(series, time_s, key=_time)
+    return min((abs(time_s - sample[0]) for sample in series[max(place - 1, 0) : place + 1]), default=math.inf)
+
+
+def _require_near(series: Series, time_s: float, limit_s: float, what: str) -> None:
+    outside_s = _outside_s(series, time_s)
+    if outside_s == math.inf:
+        raise Unusable(Reason.NO_POSE, "time", f"the host's {what} was never heard")
+    if outside_s > limit_s:
+        side = "newest" if time_s > series[-1][0] else "oldest" if time_s < series[0][0] else "nearest"
+        raise Unusable(
+            Reason.NO_POSE,
+            "time",
+            f"{outside_s:.2f} s from the {side} {what} heard of the host; the limit is {limit_s:g} s",
+        )
+
+
+def _bracket(series: Series, time_s: float) -> tuple[Sample, Sample, float]:
+    """Return two neighbouring samples and the share of the way from one to the other: below 0 or above 1 outside."""
+    if len(series) == 1:
+        return series[0], series[0], 0.0
+    place = min(max(bisect_right(series, time_s, key=_time), 1), len(series) - 1)
+    before, after = series[place - 1], series[place]
+    return before, after, (time_s - before[0]) / (after[0] - before[0])
+
+
+def _position_at(series: Series, time_s: float) -> Vector3:
+    (_, (x0, y0, z0)), (_, (x1, y1, z1)), share = _bracket(series, time_s)
+    return (x0 + share * (x1 - x0), y0 + share * (y1 - y0), z0 + share * (z1 - z0))
+
+
+def _angles_at(series: Series, time_s: float) -> tuple[Vector3, float]:
+    """Return the angles, interpolated the short way around, and the standard deviation of each, all degrees.
+
+    Between samples an angle may have gone over at any moment: then it has mean ``share`` of the way and variance
+    share (1 - share) times its square. Outside, it may have moved on as much as between the last two.
+    """
+    (_, first), (_, second), share = _bracket(series, time_s)
+    steps = [wrap_deg(b - a) for a, b in zip(first, second, strict=True)]
+    inside = min(max(share, 0.0), 1.0)
+    variance = inside * (1 - inside) + min(abs(share - inside), 1.0)
+    x, y, z = (a + inside * step for a, step in zip(first, steps, strict=True))
+    return (x, y, z), math.sqrt(variance) * math.hypot(*steps)
