@@ -1,7 +1,9 @@
 """``hsop-gcs simulate``: simulated vehicles on loopback UDP."""
 
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
+from urllib.parse import urlsplit
 
 import typer
 
@@ -10,6 +12,7 @@ from hsop_gcs.errors import BadInput
 if TYPE_CHECKING:
     from hsop_gcs.geometry.frames import GeodeticPoint
     from hsop_gcs.simulator.fleet import SimulatedFleet
+    from hsop_gcs.simulator.lookout import Lookout
 
 
 def register(app: typer.Typer) -> None:
@@ -38,12 +41,28 @@ def register(app: typer.Typer) -> None:
         speed: Annotated[float, typer.Option(help="Simulated seconds per second.")] = 1.0,
         loss: Annotated[float, typer.Option(help="Share of datagrams lost, each way.")] = 0.0,
         delay_ms: Annotated[float, typer.Option(help="Delay of datagrams, each way.")] = 0.0,
-        seed: Annotated[int, typer.Option(help="Of wandering and losses.")] = 0,
+        seed: Annotated[int, typer.Option(help="Of wandering, losses and the noise on images.")] = 0,
+        truth: Annotated[
+            Path | None, typer.Option(help="True threats (JSON) for the vehicles' cameras to see; see --detections-to.")
+        ] = None,
+        detections_to: Annotated[
+            str | None, typer.Option(help="Service to post detections to, such as http://127.0.0.1:8080.")
+        ] = None,
+        detection_rate: Annotated[float, typer.Option(help="Images per second of every camera.")] = 5.0,
+        detection_latency_ms: Annotated[float, typer.Option(help="From exposure to post.")] = 100.0,
+        host_id: Annotated[
+            list[str] | None,
+            typer.Option(help="The service's name of a vehicle, once per vehicle; without: h1, h2, ..."),
+        ] = None,
         exit_with_stdin: Annotated[
             bool, typer.Option("--exit-with-stdin", help="End when standard input is closed.")
         ] = False,
     ) -> None:
-        """Fly simulated PX4 or ArduPilot vehicles that any MAVLink ground station can talk to over UDP."""
+        """Fly simulated PX4 or ArduPilot vehicles that any MAVLink ground station can talk to over UDP.
+
+        With --truth and --detections-to they also see: each carries the rig of the letter's Table 1, and what its
+        cameras detect is posted. True threats fly on the clock of the wall, whatever --speed.
+        """
         import asyncio
         import time
 
@@ -66,6 +85,13 @@ def register(app: typer.Typer) -> None:
         home = _origin(origin)
         if position and len(position) != vehicles:
             raise BadInput("--position", f"{len(position)} given for {vehicles} vehicles")
+        if (truth is None) != (detections_to is None):
+            missing, given = ("--truth", "--detections-to") if truth is None else ("--detections-to", "--truth")
+            raise BadInput(missing, f"needed with {given}")
+        if host_id and len(set(host_id)) != vehicles:
+            raise BadInput("--host-id", f"{len(set(host_id))} different ones given for {vehicles} vehicles")
+        _within("--detection-rate", detection_rate, 0.1, 50)
+        _within("--detection-latency-ms", detection_latency_ms, 0, 60_000)
         config = FleetConfig(
             autopilot=Autopilot(autopilot),
             homes=places(home, [_pair(text) for text in position]) if position else grid(home, vehicles, spacing_m),
@@ -80,15 +106,32 @@ def register(app: typer.Typer) -> None:
             seed=seed,
             speed=speed,
         )
-        asyncio.run(_run(SimulatedFleet(config, clock=time.monotonic), exit_with_stdin=exit_with_stdin))
+        fleet = SimulatedFleet(config, clock=time.monotonic)
+        lookout = None
+        if truth is not None and detections_to is not None:
+            from hsop_gcs.geometry.frames import LocalFrame
+            from hsop_gcs.simulator.lookout import Lookout, LookoutConfig
+            from hsop_gcs.simulator.truth import read_truth
+
+            chosen = LookoutConfig(
+                service=_service(detections_to),
+                host_ids=host_id or [f"h{number}" for number in range(1, vehicles + 1)],
+                rate_hz=detection_rate,
+                latency_s=detection_latency_ms * 1e-3,
+                give_up_s=detection_latency_ms * 1e-3 + 2.0,
+                seed=seed,
+            )
+            lookout = Lookout(fleet, read_truth(truth, home), LocalFrame(home), chosen, clock=time.time)
+        asyncio.run(_run(fleet, lookout, exit_with_stdin=exit_with_stdin))
 
 
-async def _run(fleet: "SimulatedFleet", *, exit_with_stdin: bool) -> None:
+async def _run(fleet: "SimulatedFleet", lookout: "Lookout | None", *, exit_with_stdin: bool) -> None:
     """Fly until a signal, or the end of standard input if asked for, or a fault."""
     import asyncio
     import os
     import signal
     import threading
+    from datetime import UTC, datetime
 
     loop = asyncio.get_running_loop()
     stop = asyncio.Event()
@@ -107,13 +150,19 @@ async def _run(fleet: "SimulatedFleet", *, exit_with_stdin: bool) -> None:
         for vehicle, local, target in zip(fleet.vehicles, fleet.local_addresses, fleet.targets, strict=True):
             typer.echo(f"system {vehicle.config.system}: {local[0]}:{local[1]} -> {target[0]}:{target[1]}")
         waiting = {asyncio.create_task(stop.wait()), asyncio.create_task(fleet.failed())}
+        if lookout is not None:
+            typer.echo(f"truth: from {datetime.fromtimestamp(lookout.epoch_s, UTC).isoformat()}")
+            waiting.add(asyncio.create_task(lookout.run()))
         done, pending = await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
         for task in pending:
             task.cancel()
+        await asyncio.gather(*pending, return_exceptions=True)
         for task in done:
             task.result()
     finally:
         await fleet.close()
+        if lookout is not None:
+            typer.echo(str(lookout.tally))
 
 
 def _within(name: str, value: float, low: float, high: float) -> None:
@@ -156,3 +205,10 @@ def _target(text: str, ports: int) -> tuple[str, int]:
     if not host or not port.isdecimal() or not 1 <= int(port) <= 65536 - ports:
         raise BadInput("--target", f"{text!r} is not HOST:PORT with room for {ports} ports")
     return host, int(port)
+
+
+def _service(text: str) -> str:
+    parts = urlsplit(text)
+    if parts.scheme not in ("http", "https") or not parts.hostname or parts.path not in ("", "/"):
+        raise BadInput("--detections-to", f"{text!r} is not http://HOST:PORT")
+    return text

@@ -122,6 +122,12 @@ class SimulatedFleet:
         for member in self.members:
             member.close()
 
+    def advance(self) -> None:
+        """Fly until now, and send what has fallen due."""
+        now = self._clock.now()
+        for member in self.members:
+            member.advance(now)
+
     async def failed(self) -> None:
         """Wait until the fleet stops by itself, which is a fault, and raise it."""
         if self._pump is not None:
@@ -129,9 +135,7 @@ class SimulatedFleet:
 
     async def _run(self) -> None:
         while True:
-            now = self._clock.now()
-            for member in self.members:
-                member.advance(now)
+            self.advance()
             wake_at = min(member.wake_at for member in self.members)
             nap_s = (wake_at - self._clock.now()) / self._config.speed
             await asyncio.sleep(min(_LONGEST_GAP_S / 2, max(_SHORTEST_NAP_S, nap_s)))
