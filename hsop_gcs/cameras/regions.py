@@ -26,8 +26,8 @@ def peripheral_region(lens: FisheyeCamera, size_m: float, heading_rad: float = 0
 def central_region(lens: PinholeCamera, size_m: float, pan_rad: float = 0.0, *, points: int = 65) -> FloatArray:
     """Return the outline of where the central camera detects an object, (points + 2, 2), east and north, metres.
 
-    A sector of the field of view around the pan, compass, out to where Eq. 4 gives the least width. It begins and ends in
-    the camera.
+    A sector of the field of view around the pan, compass, out to where Eq. 4 gives the least width;
+    it begins and ends in the camera.
     """
     bearing = pan_rad + np.linspace(-lens.half_fov_rad, lens.half_fov_rad, points)
     reach = np.full(points, lens.focal_length_px * size_m / lens.min_pixels)

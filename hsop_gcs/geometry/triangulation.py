@@ -16,8 +16,8 @@ STEPS = 30
 """Steps of a fix at most; three to five are usual."""
 CONVERGED = 1e-6
 """A step smaller than this part of the nearest camera's distance is the last."""
-COARSE = 8
-"""Points tried on the first ray, each at half the distance of the last, when the rays do not cross ahead."""
+COARSE = 16
+"""Points tried on the first ray, each at three quarters of the last one's distance, when rays do not cross ahead."""
 PARALLEL = 1e-12
 """Smallest determinant of the normalised information at which rays count as crossing."""
 
@@ -180,7 +180,7 @@ def _start(
     longest = min(reach[0], 8 * span)
     best, best_part = math.inf, 0.0
     for n in range(COARSE + 1):
-        part = 0.999 * longest * 0.5**n if n < COARSE else best_part
+        part = 0.999 * longest * 0.75**n if n < COARSE else best_part
         for i in range(3):
             x[i] = origins[0, i] + part * u[0, i]
         total = _normal_equations(origins, u, w, reach, x, m, v)

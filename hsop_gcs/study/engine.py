@@ -21,12 +21,14 @@ def run(
     *,
     jobs: int = 1,
     dask: str | None = None,
+    dask_timeout_s: float = 10.0,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Record]:
     """Run what is missing from ``results`` and return all records, in the order of the study's trials.
 
     jobs: processes; 1 is this one. dask: address of a scheduler, tcp://..., whose workers run the trials instead; they
-    need this package. progress: told how many trials are done, of how many. Raises Unavailable without the cluster.
+    need this package. dask_timeout_s: how long to wait for the scheduler. progress: told how many trials are done, of
+    how many. Raises Unavailable without the cluster.
     """
     missing = results.missing
     total = len(results.study.trials())
@@ -34,7 +36,7 @@ def run(
     tell = progress or (lambda *_: None)
     tell(done, total)
     if dask is not None:
-        finished: Generator[Record, None, None] = _on_dask(results.study, missing, dask)
+        finished: Generator[Record, None, None] = _on_dask(results.study, missing, dask, dask_timeout_s)
     elif jobs > 1:
         finished = _on_processes(results.study, missing, jobs)
     else:
@@ -63,14 +65,14 @@ def _on_processes(study: Study, trials: list[Trial], jobs: int) -> Generator[Rec
                 future.cancel()
 
 
-def _on_dask(study: Study, trials: list[Trial], address: str) -> Generator[Record, None, None]:
+def _on_dask(study: Study, trials: list[Trial], address: str, timeout_s: float) -> Generator[Record, None, None]:
     """Yield records as a cluster finishes them; a worker that is lost has its trials run by the others."""
     try:
         distributed: Any = import_module("distributed")
     except ImportError:
         raise Unavailable("Dask is not installed; it comes with hsop-gcs[dask]") from None
     try:
-        client = distributed.Client(address, timeout="10s", set_as_default=False)
+        client = distributed.Client(address, timeout=timeout_s, set_as_default=False)
     except (OSError, ValueError) as error:
         raise Unavailable(f"no Dask scheduler answers at {address}: {error}") from None
     with client:
