@@ -26,14 +26,7 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
         solver = await stack.enter_async_context(Solver())
         link = await stack.enter_async_context(Link(endpoints, [host.system_id for host in fleet.hosts]))
         mission = Mission(
-            fleet=fleet,
-            site=settings.to_site(),
-            link=link,
-            solver=solver,
-            clock=time.time,
-            autonomy=settings.service.autonomy,
-            planning=settings.to_planning_rules(),
-            replanning=settings.to_replan_rules(),
+            fleet=fleet, site=settings.to_site(), link=link, solver=solver, clock=time.time, rules=settings.to_rules()
         )
         runner = asyncio.create_task(mission.run())
         try:

@@ -12,6 +12,7 @@ from hsop_gcs.cameras.rig import CameraRig
 from hsop_gcs.errors import BadInput
 from hsop_gcs.fleet import Fleet, FlightLimits, Host
 from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
+from hsop_gcs.mission.core import Rules
 from hsop_gcs.mission.pipeline import PlanningRules
 from hsop_gcs.mission.state import Autonomy, ReplanRules
 from hsop_gcs.placement.problem import Formulation, Objective
@@ -49,9 +50,11 @@ class PlanningSection(_Section):
     objective: Objective = Objective.LETTER
     horizon_s: Positive = 10.0
     safety_distance_m: Positive = 20.0
+    safety_margin_m: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 1.0
     min_separation_m: Positive = 10.0
     settle_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 3.0
-    time_limit_s: Positive = 2.0
+    keep_margin: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.1
+    time_limit_s: Positive = 1.0
     departure_m: Positive = 5.0
     seed: Annotated[int, Field(ge=0)] = 0
 
@@ -135,8 +138,12 @@ class Settings(_Section):
         given = self.planning.model_dump(exclude={"departure_m"})
         return PlanningRules(**given, limits=fleet.limits, rig=fleet.rig)
 
-    def to_replan_rules(self) -> ReplanRules:
-        return ReplanRules(horizon_s=self.planning.horizon_s, departure_m=self.planning.departure_m)
+    def to_rules(self) -> Rules:
+        return Rules(
+            autonomy=self.service.autonomy,
+            planning=self.to_planning_rules(),
+            replanning=ReplanRules(horizon_s=self.planning.horizon_s, departure_m=self.planning.departure_m),
+        )
 
 
 def read_settings(path: Path) -> Settings:

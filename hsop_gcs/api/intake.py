@@ -12,7 +12,7 @@ from hsop_gcs.mission.controller import Mission
 from hsop_gcs.reports import Report, ReportRules, Site, locate
 from hsop_gcs.tracks import Verdict
 
-MAX_REPORTS = 1000
+MAX_AT_ONCE = 1000
 
 
 def parse_json(body: bytes) -> Any:
@@ -25,14 +25,19 @@ def parse_json(body: bytes) -> Any:
         raise BadInput("body", f"not JSON: {error}") from error
 
 
+def one_or_many(raw: Any, what: str) -> list[Any]:
+    """Return what a body holds, an object or an array of them. Raises BadInput if it is neither, or too many."""
+    if not isinstance(raw, dict | list):
+        raise BadInput("body", f"must be a {what} or an array of {what}s")
+    items = raw if isinstance(raw, list) else [raw]
+    if not 1 <= len(items) <= MAX_AT_ONCE:
+        raise BadInput("body", f"{len(items)} {what}s; 1 to {MAX_AT_ONCE} are taken at once")
+    return items
+
+
 def take(raw: Any, mission: Mission) -> ReportResults:
     """Judge one report (an object) or many (an array). Raises BadInput if it is neither, or too many."""
-    if not isinstance(raw, dict | list):
-        raise BadInput("body", "must be a report or an array of reports")
-    reports = raw if isinstance(raw, list) else [raw]
-    if not 1 <= len(reports) <= MAX_REPORTS:
-        raise BadInput("body", f"{len(reports)} reports; 1 to {MAX_REPORTS} are taken at once")
-    judged = [_read(index, each, mission) for index, each in enumerate(reports)]
+    judged = [_read(index, each, mission) for index, each in enumerate(one_or_many(raw, "report"))]
     readable = [each for each in judged if isinstance(each, Report)]
     verdicts = iter(mission.submit(readable) if readable else ())
     results = [
@@ -45,7 +50,7 @@ def take(raw: Any, mission: Mission) -> ReportResults:
 def _read(index: int, raw: Any, mission: Mission) -> Report | ReportResult:
     """Return the report, or why it is none."""
     try:
-        return to_report(ReportIn.model_validate(raw), mission.site, mission.report_rules)
+        return to_report(ReportIn.model_validate(raw), mission.site, mission.state.rules.reports)
     except ValidationError as error:
         faults = faults_of(error.errors())
         mission.refuse_report(faults[0]["field"])

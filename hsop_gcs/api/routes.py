@@ -95,7 +95,12 @@ def _routes(mission: Mission) -> APIRouter:
     @router.get("/threats", operation_id="getThreats")
     async def get_threats() -> list[ThreatOut]:
         """All threats in the picture, each at its newest report."""
-        return [views.threat_out(track, mission) for track in mission.picture.tracks.values()]
+        return [views.threat_out(track, mission) for track in mission.state.picture.tracks.values()]
+
+    @router.delete("/threats/{threat_id}", operation_id="dismissThreat", status_code=204, responses=_problems(404))
+    async def dismiss_threat(threat_id: str) -> None:
+        """Take a threat out of the picture, and refuse its sources' reports of it for five minutes."""
+        mission.dismiss(threat_id)
 
     @router.get("/hosts", operation_id="getHosts")
     async def get_hosts() -> list[HostOut]:

@@ -28,7 +28,9 @@ from hsop_gcs.assignment import HostOrder
 from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.fleet import Host
 from hsop_gcs.geometry.frames import Aim, GeodeticPoint
+from hsop_gcs.link.protocol.gimbal import separation_deg
 from hsop_gcs.link.pump import Link
+from hsop_gcs.link.vehicle import Progress
 from hsop_gcs.mission.controller import LoggedEvent, Mission
 from hsop_gcs.mission.dispatch import OrderProgress
 from hsop_gcs.mission.state import Plan
@@ -63,7 +65,7 @@ def host_out(host: Host, mission: Mission) -> HostOut:
     state = mission.vehicle(host).state
     reason = mission.vehicle(host).why_not_ready(mission.link.now())
     local = None if state.position is None else mission.site.frame.to_enu(state.position).tolist()
-    progress = mission.progress.get(host.id)
+    progress = mission.state.progress.get(host.id)
     return HostOut(
         id=host.id,
         system_id=host.system_id,
@@ -99,9 +101,9 @@ def event_out(logged: LoggedEvent) -> EventOut:
 
 
 def plans_out(mission: Mission) -> PlansOut:
-    state = mission.state
+    state = mission.state.plans
     return PlansOut(
-        autonomy=mission.autonomy,
+        autonomy=mission.state.autonomy,
         proposed=_plan(state.proposed, mission),
         flying=_plan(state.flying, mission),
         failed=_plan(state.failed, mission),
@@ -113,23 +115,25 @@ def health_out(mission: Mission, started_at_s: float) -> HealthOut:
     problems = [f"host {host_id}: {reason}" for host_id, reason in unavailable.items()]
     if not mission.link.running:
         problems.append("link: the pump has stopped")
+    if mission.journal_fault is not None:
+        problems.append(f"journal: {mission.journal_fault}")
     if mission.solver_fault is not None:
         problems.append(f"planning: {mission.solver_fault}")
-    if mission.state.failed is not None:
-        problems.append(f"no plan: {mission.state.failed.decision.reason}")
-    newest = mission.state.newest
+    if mission.state.plans.failed is not None:
+        problems.append(f"no plan: {mission.state.plans.failed.decision.reason}")
+    newest = mission.state.plans.newest
     return HealthOut(
         status="degraded" if problems else "ok",
         problems=problems,
         time=utc(mission.clock()),
         uptime_s=mission.clock() - started_at_s,
-        autonomy=mission.autonomy,
-        threats=len(mission.picture.tracks),
+        autonomy=mission.state.autonomy,
+        threats=len(mission.state.picture.tracks),
         hosts=len(mission.fleet.hosts),
         hosts_available=len(mission.fleet.hosts) - len(unavailable),
         reports=_reports(mission),
         planning=PlanningHealth(
-            plans_made=mission.state.made,
+            plans_made=mission.state.plans.made,
             last_solve_s=None if newest is None else newest.decision.placement.solve_time_s,
             fault=mission.solver_fault,
         ),
@@ -150,7 +154,7 @@ def _reports(mission: Mission) -> ReportCounts:
                 clock_samples=watch.clock_samples,
                 last_heard=utc(watch.last_heard_s),
             )
-            for name, watch in mission.picture.sources.items()
+            for name, watch in mission.state.picture.sources.items()
         },
     )
 
@@ -206,8 +210,16 @@ def _order(host: Host, progress: OrderProgress, mission: Mission) -> OrderOut:
         views=_views(progress.order.views),
         hover_error_m=None if errors is None else _distance(errors.horizontal_error_m, errors.vertical_error_m),
         heading_error_deg=None if errors is None else errors.heading_error_deg,
-        gimbal_error_deg=None if errors is None or progress.order.aim is None else errors.gimbal_error_deg,
+        gimbal_error_deg=_gimbal_error_deg(host, mission, errors),
     )
+
+
+def _gimbal_error_deg(host: Host, mission: Mission, errors: Progress | None) -> float | None:
+    """Against where the threats are now once the host follows them, against the order before."""
+    looks, target = mission.vehicle(host).state.gimbal, mission.target_of(host, mission.clock())
+    if looks is not None and target is not None:
+        return separation_deg(looks, target)
+    return None if errors is None or errors.order.aim is None else errors.gimbal_error_deg
 
 
 def _distance(horizontal_m: float | None, vertical_m: float | None) -> float | None:

@@ -1,26 +1,17 @@
 """Orders: a placement's hover poses given to hosts, with the aim of each central camera worked out in 3-D."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from hsop_gcs.assignment.matching import FloatArray, assign
+from hsop_gcs.assignment.routes import Mover, safe_route
 from hsop_gcs.cameras.rig import CameraKind
-from hsop_gcs.geometry.frames import Aim, aim_at, wrap_deg
+from hsop_gcs.geometry.frames import Aim, aim_between
 from hsop_gcs.placement.problem import Point, Threat
 from hsop_gcs.placement.solution import HoverPose, Placement
-
-_STEP_S = 0.1
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mover:
-    """A host that can be sent: where it is, ENU metres, and how fast it flies."""
-
-    id: str
-    position_m: Point
-    speed_mps: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +20,8 @@ class HostOrder:
 
     host: str
     position_m: Point
+    via_m: tuple[Point, ...] = ()
+    """Points to fly to first, past threats."""
     heading_deg: float
     aim: Aim | None
     """None: this plan does not use the central camera."""
@@ -38,7 +31,7 @@ class HostOrder:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoSafeFlight:
-    """No assignment lets every host reach its hover point at the safety distance from all threats."""
+    """No assignment has a safe route for every host."""
 
     reason: str
 
@@ -52,55 +45,36 @@ def orders_for(
     horizon_s: float,
     safety_distance_m: float,
 ) -> tuple[HostOrder, ...] | NoSafeFlight:
-    """Give every hover pose to a host: minimum longest flight among flights that keep the safety distance.
+    """Give every hover pose to a host: minimum longest flight among routes that keep the safety distance.
 
-    ``threats_now`` decide which flights are safe: straight ones that begin at once. ``threats_then``, the threats of
+    ``threats_now`` decide which routes are safe for hosts that set out at once. ``threats_then``, the threats of
     the placement, decide where cameras look. Orders come in the sequence of the placement's hosts.
     """
-    flight_m = np.array(
+    routes = [
         [
-            [
-                math.dist(mover.position_m, pose.position_m)
-                if clearance_m(mover, pose.position_m, threats_now, horizon_s=horizon_s) >= safety_distance_m
-                else math.inf
-                for pose in placement.hosts
-            ]
-            for mover in movers
+            safe_route(mover, pose.position_m, threats_now, horizon_s=horizon_s, safety_distance_m=safety_distance_m)
+            for pose in placement.hosts
         ]
-    ).reshape(len(movers), len(placement.hosts))
+        for mover in movers
+    ]
+    lengths = [[math.inf if route is None else route.length_m for route in row] for row in routes]
+    flight_m = np.array(lengths).reshape(len(movers), len(placement.hosts))
     chosen = assign(flight_m)
     if chosen is None:
         return NoSafeFlight(reason=_why_not(flight_m, placement, safety_distance_m))
-    return tuple(
-        _order(movers[host].id, pose, placement, threats_then, horizon_s)
-        for host, pose in zip(chosen, placement.hosts, strict=True)
-    )
+    orders = []
+    for point, (host, pose) in enumerate(zip(chosen, placement.hosts, strict=True)):
+        route = routes[host][point]
+        assert route is not None, "an assignment uses no forbidden flight"
+        order = order_for(movers[host].id, pose, placement, threats_then, horizon_s)
+        orders.append(replace(order, via_m=route.points_m[:-1]))
+    return tuple(orders)
 
 
-def clearance_m(mover: Mover, goal_m: Point, threats: tuple[Threat, ...], *, horizon_s: float) -> float:
-    """Return the least distance to any threat on a straight flight to ``goal_m``, metres, threats flying straight on.
-
-    A host that starts inside a threat's reach is judged only from the moment on which it can change: its distance
-    must not fall below what it already is.
-    """
-    start, goal = np.array(mover.position_m), np.array(goal_m)
-    flight_s = float(np.linalg.norm(goal - start)) / mover.speed_mps
-    times = np.arange(0.0, min(flight_s, horizon_s) + _STEP_S, _STEP_S)
-    share = np.minimum(times / flight_s, 1.0) if flight_s > 0 else np.ones_like(times)
-    path = start + share[:, None] * (goal - start)
-    least = math.inf
-    for threat in threats:
-        positions = np.array(threat.position_m) + times[:, None] * np.array(threat.velocity_mps)
-        distances = np.linalg.norm(path - positions, axis=1)
-        if distances.min() >= distances[0]:
-            continue
-        least = min(least, float(distances.min()))
-    return least
-
-
-def _order(
+def order_for(
     host: str, pose: HoverPose, placement: Placement, threats: tuple[Threat, ...], horizon_s: float
 ) -> HostOrder:
+    """Return the order that sends a host to one of the placement's poses."""
     views = tuple(
         (pair.threat, view.camera) for pair in placement.pairs for view in pair.views if view.host == pose.host
     )
@@ -117,12 +91,8 @@ def _order(
 def _central_aim(pose: HoverPose, threats: list[Threat], horizon_s: float) -> Aim:
     """The placement's pan, which holds its threats in the field of view, and the middle of their elevations."""
     assert pose.pan_deg is not None
-    tilts = [
-        aim_at(np.array(pose.position_m), np.array(threat.predicted_m(after_s))).tilt_deg
-        for threat in threats
-        for after_s in (0.0, horizon_s)
-    ]
-    return Aim(pan_deg=pose.pan_deg % 360.0, tilt_deg=wrap_deg((min(tilts) + max(tilts)) / 2))
+    ends = [threat.predicted_m(after_s) for threat in threats for after_s in (0.0, horizon_s)]
+    return Aim(pan_deg=pose.pan_deg % 360.0, tilt_deg=aim_between(np.array(pose.position_m), np.array(ends)).tilt_deg)
 
 
 def _why_not(flight_m: FloatArray, placement: Placement, safety_distance_m: float) -> str:
@@ -136,3 +106,9 @@ def _why_not(flight_m: FloatArray, placement: Placement, safety_distance_m: floa
         east, north, _ = blocked[0]
         return f"no host can reach ({east:.0f}, {north:.0f}) m and stay {safety_distance_m:g} m from all threats"
     return f"not all hosts can reach their hover points and stay {safety_distance_m:g} m from all threats"
+
+
+def flight_s(mover: Mover, order: HostOrder) -> float:
+    """Return how long the host flies along the order's route, seconds."""
+    points = (mover.position_m, *order.via_m, order.position_m)
+    return sum(math.dist(a, b) for a, b in pairwise(points)) / mover.speed_mps

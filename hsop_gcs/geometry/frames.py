@@ -105,3 +105,12 @@ def aim_at(from_m: Vector, target_m: Vector) -> Aim:
     """Return the aim from one place to another, both (3,), ENU metres. Straight up or down has pan 0."""
     east, north, up = (float(value) for value in np.asarray(target_m) - np.asarray(from_m))
     return Aim(pan_deg=compass_deg(east, north), tilt_deg=math.degrees(math.atan2(up, math.hypot(east, north))))
+
+
+def aim_between(from_m: Vector, targets_m: Vector) -> Aim:
+    """Return the aim that has all targets, (targets, 3), as near to the middle of the picture as can be."""
+    aims = [aim_at(from_m, target) for target in targets_m]
+    offsets = [wrap_deg(aim.pan_deg - aims[0].pan_deg) for aim in aims]
+    tilts = [aim.tilt_deg for aim in aims]
+    pan_deg = (aims[0].pan_deg + (min(offsets) + max(offsets)) / 2) % 360.0
+    return Aim(pan_deg=pan_deg, tilt_deg=(min(tilts) + max(tilts)) / 2)

@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import Self
 
 from hsop_gcs.errors import BadInput
+from hsop_gcs.geometry.frames import Aim
 from hsop_gcs.link.events import Event
 from hsop_gcs.link.identity import GROUND_STATION, Identity
 from hsop_gcs.link.protocol.hover import HoverOrder
@@ -148,6 +149,11 @@ class Link:
     def hover(self, system: int, order: HoverOrder) -> None:
         """See ``Vehicle.hover``. Raises BadInput for a vehicle that is not in the fleet."""
         self._vehicle(system).hover(order, self.now())
+        self._stir.set()
+
+    def follow(self, system: int, aim: Aim) -> None:
+        """See ``Vehicle.follow``."""
+        self._vehicle(system).follow(aim, self.now())
         self._stir.set()
 
     def take_off(self, system: int, altitude_above_home_m: float, *, order_id: str = "take off") -> None:

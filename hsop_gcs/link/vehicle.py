@@ -10,6 +10,7 @@ presence ─► telemetry ─► subscriptions
 from dataclasses import dataclass, field
 
 from hsop_gcs.errors import BadInput
+from hsop_gcs.geometry.frames import Aim
 from hsop_gcs.link.adapters import Adapter
 from hsop_gcs.link.enums import MavCmd, MavComponent
 from hsop_gcs.link.events import (
@@ -127,6 +128,11 @@ class Vehicle:
         self._hover.start(order, now)
         if order.aim is not None and self._hover.order is order:
             self._gimbal.start(order.aim, order_id=order.order_id, heading_deg=order.heading_deg, now=now)
+        self._collect(now)
+
+    def follow(self, aim: Aim, now: float) -> None:
+        """Move the camera's aim of the present hover order along; at most five times a second it is sent."""
+        self._gimbal.follow(aim, now)
         self._collect(now)
 
     def take_off(self, altitude_above_home_m: float, now: float, *, order_id: str = "take off") -> None:

@@ -1,7 +1,8 @@
-"""The mission's shell: owns the picture, the plans and the orders, and moves them on as time and events come in.
+"""The mission's shell: gives inputs to the core as time, consoles, the link and the solver bring them, and acts.
 
-Everything it decides is decided by pure functions (``pipeline``, ``state``, ``dispatch``, ``tracks``); here they meet
-the clock, the link and the solver's process.
+What is decided is decided by pure functions (``core``, ``pipeline``, ``state``, ``dispatch``, ``tracks``); here they
+meet the clock, the journal, the link and the solver's process. An input is written into the journal before it is
+applied, and an order after that.
 """
 
 import asyncio
@@ -10,40 +11,58 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-from hsop_gcs.assignment import Mover
-from hsop_gcs.assignment.orders import clearance_m
-from hsop_gcs.errors import NotKnown, Refused
+import numpy as np
+
+from hsop_gcs.assignment import Mover, clearance_m
+from hsop_gcs.cameras.rig import CameraKind
+from hsop_gcs.errors import NotKnown, Refused, Unavailable
 from hsop_gcs.fleet import Fleet, Host
-from hsop_gcs.link.events import Event, OrderEvent
+from hsop_gcs.geometry.frames import Aim, aim_between
+from hsop_gcs.journal import Journal
+from hsop_gcs.link.events import Event
 from hsop_gcs.link.pump import Link
 from hsop_gcs.link.vehicle import Vehicle
-from hsop_gcs.mission.dispatch import OrderProgress, hover_order, mover_of, progressed
-from hsop_gcs.mission.pipeline import PlanningRules, Situation
-from hsop_gcs.mission.solver import Solver
-from hsop_gcs.mission.state import (
-    Autonomy,
+from hsop_gcs.mission.core import (
+    DecisionMade,
+    HostsHeld,
+    HostSpoke,
+    Input,
+    LegFlown,
+    MissionStarted,
     MissionState,
-    Plan,
-    ReplanRules,
-    ready,
-    replan_reason,
-    with_decision,
-    with_proposal_flying,
-    without_threats,
+    PlanFlew,
+    ReportsArrived,
+    Rules,
+    ThreatDismissed,
+    TimePassed,
+    apply,
+    situation,
+    take_reports,
 )
-from hsop_gcs.placement.problem import Threat
-from hsop_gcs.reports import Measurement, ReportRules, Site, Vector3
-from hsop_gcs.tracks import Picture, Refusal, TrackRules, TrackStatus, Verdict, prune, update
+from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus, hover_order, mover_of
+from hsop_gcs.mission.pipeline import Situation
+from hsop_gcs.mission.records import to_record
+from hsop_gcs.mission.solver import Solver
+from hsop_gcs.mission.state import Autonomy, Plan, ready, replan_reason
+from hsop_gcs.placement.problem import Point
+from hsop_gcs.reports import Measurement, Site
+from hsop_gcs.tracks import Refusal, Verdict, prune
 
 _TICK_S = 0.2
+_GIMBAL_LAG_S = 0.2
+"""From working out an aim to a gimbal that looks there: half a tick, the link and the gimbal's own response."""
 _EVENTS_KEPT = 500
+
+_LEG_REACHED_M = 3.0
+"""So near to a point of its route a host is sent on; routes keep more than this in hand."""
+_LEG_DEADLINE_S = 5.0
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoggedEvent:
-    """An event of a host, for people and for the record; numbers rise by one."""
+    """An event of a host, for people; numbers rise by one."""
 
     number: int
     time_s: float
@@ -62,47 +81,35 @@ class Mission:
         link: Link,
         solver: Solver,
         clock: Callable[[], float],
-        autonomy: Autonomy = Autonomy.CONFIRM,
-        planning: PlanningRules | None = None,
-        replanning: ReplanRules | None = None,
-        track_rules: TrackRules | None = None,
-        report_rules: ReportRules | None = None,
+        rules: Rules | None = None,
+        recovered: MissionState | None = None,
+        journal: Journal | None = None,
     ) -> None:
         self.fleet = fleet
         self.site = site
         self.link = link
-        self.autonomy = autonomy
-        self.planning = planning or PlanningRules()
-        self.replanning = replanning or ReplanRules()
-        self.report_rules = report_rules or ReportRules()
         self.clock = clock
-        self.picture = Picture()
-        self.state = MissionState()
-        self.progress: dict[str, OrderProgress] = {}
-        """The newest order of each host."""
+        self.state = recovered or MissionState()
         self.events: deque[LoggedEvent] = deque(maxlen=_EVENTS_KEPT)
         self.reports_accepted = 0
         self.reports_refused: Counter[str] = Counter()
         """Refused reports by the field that was at fault."""
         self.solver_fault: str | None = None
         """What went wrong in the solver's process, if its last run did not end in an answer."""
-        self._track_rules = track_rules or TrackRules()
+        self.journal = journal
+        self.journal_fault: str | None = None
         self._solver = solver
         self._solving: asyncio.Task[None] | None = None
         self._changed = asyncio.Event()
+        self._take(MissionStarted(time_s=clock(), rules=rules or Rules()))
 
     # What consoles ask for
 
     def submit(self, measurements: Sequence[Measurement]) -> tuple[Verdict, ...]:
         """Take measurements that arrived together into the picture; return what became of each, in their order."""
-        self.picture, verdicts = update(
-            self.picture,
-            measurements,
-            self.clock(),
-            self._track_rules,
-            hosts_m=self._hosts_m(),
-            clock=self.report_rules,
-        )
+        given = ReportsArrived(time_s=self.clock(), measurements=tuple(measurements), hosts_m=self._hosts_m())
+        self._record(given)
+        self.state, verdicts = take_reports(self.state, given)
         for verdict in verdicts:
             if isinstance(verdict, Refusal):
                 self.refuse_report(verdict.field)
@@ -115,17 +122,25 @@ class Mission:
         """Count a report that was refused before it got here."""
         self.reports_refused[field] += 1
 
+    def dismiss(self, threat_id: str) -> None:
+        """Take a threat out of the picture; its sources' reports of it are refused for a while."""
+        if threat_id not in self.state.picture.tracks:
+            raise NotKnown(f"threat {threat_id!r}: not in the picture")
+        self._take(ThreatDismissed(time_s=self.clock(), threat_id=threat_id))
+        self._changed.set()
+
     def approve(self, plan_id: str) -> Plan:
         """Let the proposed plan fly. Raises NotKnown, or Refused if it is not the proposal any more or not safe now."""
-        plan = self.state.proposed
-        known = {each.id for each in (plan, self.state.flying, self.state.failed) if each is not None}
+        plans = self.state.plans
+        plan = plans.proposed
+        known = {each.id for each in (plan, plans.flying, plans.failed) if each is not None}
         if plan is None or plan.id != plan_id:
             if plan_id in known:
                 raise Refused(f"plan {plan_id} is not waiting for approval")
             raise NotKnown(f"plan {plan_id!r}: there is no such plan" + (f"; {plan.id} is proposed" if plan else ""))
-        if self.autonomy is Autonomy.ADVISE:
+        if self.state.autonomy is Autonomy.ADVISE:
             raise Refused("this service only advises: plans are not flown")
-        self._fly()
+        self._fly(plan)
         return plan
 
     def take_off(self, altitude_m: float, host_ids: Iterable[str] | None = None) -> list[str]:
@@ -140,9 +155,7 @@ class Mission:
         hosts = self._hosts(host_ids)
         for host in hosts:
             self.link.hold(host.system_id)
-            self.progress.pop(host.id, None)
-        if self.autonomy is Autonomy.AUTO:
-            self.autonomy = Autonomy.CONFIRM
+        self._take(HostsHeld(time_s=self.clock(), hosts=tuple(host.id for host in hosts)))
         return [host.id for host in hosts]
 
     def vehicle(self, host: Host) -> Vehicle:
@@ -155,6 +168,21 @@ class Mission:
         reasons = {host.id: self.vehicle(host).why_not_ready(now) for host in self.fleet.hosts}
         return {host_id: reason for host_id, reason in reasons.items() if reason is not None}
 
+    def target_of(self, host: Host, at_s: float) -> Aim | None:
+        """Return where a host should look for its threats at a time, from where it is; None if it is to follow none."""
+        progress, position = self.state.progress.get(host.id), self.vehicle(host).state.position
+        if progress is None or progress.order.aim is None or position is None:
+            return None
+        if progress.status in (OrderStatus.SENT, OrderStatus.FAILED, OrderStatus.SUPERSEDED):
+            return None
+        tracks = self.state.picture.tracks
+        seen = [name for name, camera in progress.order.views if camera is CameraKind.CENTRAL and name in tracks]
+        if not seen:
+            return None
+        return aim_between(
+            self.site.frame.to_enu(position), np.array([tracks[name].position_at(at_s) for name in seen])
+        )
+
     # What time brings
 
     async def run(self) -> None:
@@ -162,7 +190,10 @@ class Mission:
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(self._watch_link())
             while True:
-                self._advance(tasks)
+                try:
+                    self._advance(tasks)
+                except Unavailable:
+                    log.exception("the mission stands still until its journal can be written")
                 self._changed.clear()
                 try:
                     await asyncio.wait_for(self._changed.wait(), _TICK_S)
@@ -171,93 +202,120 @@ class Mission:
 
     def _advance(self, tasks: asyncio.TaskGroup) -> None:
         now_s = self.clock()
-        self.picture, gone = prune(self.picture, now_s, self._track_rules)
+        self._age(now_s)
+        self._fly_on(now_s)
+        self._follow_threats(now_s)
+        if self._solving is None:
+            tracks = ready(self.state.picture.tracks.values(), now_s, self.state.rules.replanning)
+            movers = self._movers()
+            available = frozenset(mover.id for mover in movers)
+            reason = replan_reason(self.state.plans, tracks, available, now_s, self.state.rules.replanning)
+            if reason is not None:
+                asked = situation(self.state, movers, now_s)
+                self._solving = tasks.create_task(self._solve(asked, reason))
+
+    def _age(self, now_s: float) -> None:
+        before = self.state.picture.tracks
+        after, gone = prune(self.state.picture, now_s, self.state.rules.tracks)
         for track in gone:
             log.info("threat %s has not been reported for %.0f s: it has left", track.id, now_s - track.time_s)
-        if gone and not self.picture.tracks:
-            self.state = without_threats(self.state)
-        if self._solving is None:
-            self._replan_if_due(tasks, now_s)
+        if gone or any(track.status is not before[track_id].status for track_id, track in after.tracks.items()):
+            self._take(TimePassed(time_s=now_s))
 
-    def _replan_if_due(self, tasks: asyncio.TaskGroup, now_s: float) -> None:
-        believed = tuple(track for track in self.picture.tracks.values() if track.status is not TrackStatus.TENTATIVE)
-        tracks = ready(believed, now_s, self.replanning)
-        movers = self._movers()
-        available = frozenset(mover.id for mover in movers)
-        reason = replan_reason(self.state, tracks, available, now_s, self.replanning)
-        if reason is not None:
-            situation = Situation(now_s=now_s, tracks=tracks, movers=movers)
-            self._solving = tasks.create_task(self._solve(situation, reason))
+    def _follow_threats(self, now_s: float) -> None:
+        """Keep central cameras on their threats, on the way and between plans."""
+        for host in self.fleet.hosts:
+            aim = self.target_of(host, now_s + _GIMBAL_LAG_S)
+            if aim is not None:
+                self.link.follow(host.system_id, aim)
 
-    async def _solve(self, situation: Situation, reason: str) -> None:
+    async def _solve(self, asked: Situation, reason: str) -> None:
         try:
-            decision = await self._solver.decide(situation, self.planning)
+            decision = await self._solver.decide(asked, self.state.rules.planning)
+            self.solver_fault = None
+            self._take(DecisionMade(time_s=self.clock(), trigger=reason, situation=asked, decision=decision))
+            proposed = self.state.plans.proposed
+            if self.state.autonomy is Autonomy.AUTO and proposed is not None:
+                self._fly(proposed)
+        except Refused as error:
+            log.warning("plan does not fly: %s", error)
         except Exception as error:  # whatever the solver does, the service goes on and says so
             self.solver_fault = f"{type(error).__name__}: {error}"
             log.exception("the solver failed")
-            await asyncio.sleep(self.replanning.retry_s)
-            return
-        else:
-            self.solver_fault = None
-            self.state = with_decision(
-                self.state, decision, trigger=reason, now_s=self.clock(), horizon_s=self.planning.horizon_s
-            )
-            if self.autonomy is Autonomy.AUTO and self.state.proposed is not None:
-                self._fly_at_once(self.state.proposed)
+            await asyncio.sleep(self.state.rules.replanning.retry_s)
         finally:
             self._solving = None
             self._changed.set()
 
-    def _fly_at_once(self, plan: Plan) -> None:
-        try:
-            self._fly()
-        except Refused as error:
-            log.warning("plan %s does not fly: %s", plan.id, error)
-
-    def _fly(self) -> None:
+    def _fly(self, plan: Plan) -> None:
         """Send the proposed plan's orders, all or none."""
-        plan = self.state.proposed
-        assert plan is not None
         now_s = self.clock()
+        planning = self.state.rules.planning
         if now_s > plan.expires_at_s:
             raise Refused(f"plan {plan.id} ran out {now_s - plan.expires_at_s:.1f} s ago")
         movers = {mover.id: mover for mover in self._movers()}
-        threats = self._threats_now(now_s)
+        threats = situation(self.state, (), now_s).threats
         for order in plan.decision.orders:
             if order.host not in movers:
                 raise Refused(f"host {order.host}: {self.unavailable().get(order.host, 'not available')}")
-            clear_m = clearance_m(movers[order.host], order.position_m, threats, horizon_s=self.planning.horizon_s)
-            if clear_m < self.planning.safety_distance_m:
+            route_m = (*order.via_m, order.position_m)
+            clear_m = clearance_m(movers[order.host], route_m, threats, horizon_s=planning.horizon_s)
+            if clear_m < planning.safety_distance_m:
                 raise Refused(
                     f"host {order.host} would pass within {clear_m:.1f} m of a threat;"
-                    f" the safety distance is {self.planning.safety_distance_m:g} m"
+                    f" the safety distance is {planning.safety_distance_m:g} m"
                 )
-        self.state = with_proposal_flying(self.state)
+        self._take(PlanFlew(time_s=now_s, plan_id=plan.id))
         for order in plan.decision.orders:
-            host = next(host for host in self.fleet.hosts if host.id == order.host)
-            order_id = f"{plan.id}/{host.id}"
-            self.progress[host.id] = OrderProgress(order_id=order_id, plan_id=plan.id, order=order)
-            self.link.hover(
-                host.system_id,
-                hover_order(
-                    order,
-                    order_id,
-                    self.site.frame,
-                    deadline_s=self.link.now() + plan.expires_at_s - now_s,
-                    speed_mps=self.planning.limits.speed_mps,
-                ),
-            )
+            self._send(self.state.progress[order.host], for_s=plan.expires_at_s - now_s)
+
+    def _fly_on(self, now_s: float) -> None:
+        """Send hosts that have come near a point of their route to the next one."""
+        for host in self.fleet.hosts:
+            progress, flown = self.state.progress.get(host.id), self.vehicle(host).progress
+            if progress is None or progress.on_last_leg or progress.status is not OrderStatus.ACCEPTED:
+                continue
+            away_m = None if flown is None or flown.order.order_id != progress.leg_id else flown.horizontal_error_m
+            if away_m is not None and away_m <= _LEG_REACHED_M:
+                self._take(LegFlown(time_s=now_s, host=host.id))
+                self._send(self.state.progress[host.id], for_s=_LEG_DEADLINE_S)
+
+    def _send(self, progress: OrderProgress, *, for_s: float) -> None:
+        host = next(host for host in self.fleet.hosts if host.id == progress.order.host)
+        deadline_s, speed_mps = self.link.now() + for_s, self.fleet.limits.speed_mps
+        order = hover_order(progress, self.site.frame, deadline_s=deadline_s, speed_mps=speed_mps)
+        self.link.hover(host.system_id, order)
 
     async def _watch_link(self) -> None:
         while True:
             event = await self.link.events.get()
             host = self.fleet.host_of_system(event.system)
             number = self.events[-1].number + 1 if self.events else 1
-            self.events.append(LoggedEvent(number=number, time_s=self.clock(), host=host.id, event=event))
-            progress = self.progress.get(host.id)
-            if progress is not None and isinstance(event, OrderEvent) and event.order_id == progress.order_id:
-                self.progress[host.id] = progressed(progress, event)
+            now_s = self.clock()
+            self.events.append(LoggedEvent(number=number, time_s=now_s, host=host.id, event=event))
+            try:
+                self._take(HostSpoke(time_s=now_s, host=host.id, event=event))
+            except Unavailable:
+                log.exception("%s of host %s is not in the journal", type(event).__name__, host.id)
             self._changed.set()
+
+    # How the state moves on
+
+    def _take(self, given: Input) -> None:
+        self._record(given)
+        self.state = apply(self.state, given)
+
+    def _record(self, given: Input) -> None:
+        """Write an input into the journal. Raises Unavailable if that is not possible: then it has not happened."""
+        if self.journal is None:
+            return
+        try:
+            kind, data = to_record(given)
+            self.journal.append(kind, data, time_s=given.time_s)
+        except OSError as error:
+            self.journal_fault = f"cannot write the journal: {error.strerror}"
+            raise Unavailable(self.journal_fault) from error
+        self.journal_fault = None
 
     def _movers(self) -> tuple[Mover, ...]:
         unavailable = self.unavailable()
@@ -267,23 +325,11 @@ class Mission:
             if host.id not in unavailable
         )
 
-    def _hosts_m(self) -> dict[str, Vector3]:
-        """Where our own aircraft are, as far as they are heard: nothing there is a threat."""
-        places: dict[str, Vector3] = {}
-        for host in self.fleet.hosts:
-            state = self.vehicle(host).state
-            if state.link_up and state.position is not None:
-                east, north, up = self.site.frame.to_enu(state.position).tolist()
-                places[host.id] = (east, north, up)
-        return places
-
-    def _threats_now(self, now_s: float) -> tuple[Threat, ...]:
-        return tuple(
-            Threat(
-                id=track.id, position_m=track.position_at(now_s), velocity_mps=track.velocity_mps, size_m=track.size_m
-            )
-            for track in self.picture.tracks.values()
-        )
+    def _hosts_m(self) -> dict[str, Point]:
+        """Where our own aircraft are, as far as they are heard."""
+        positions = {host.id: self.vehicle(host).state.position for host in self.fleet.hosts}
+        known = {name: self.site.frame.to_enu(at).tolist() for name, at in positions.items() if at is not None}
+        return {name: (east, north, up) for name, (east, north, up) in known.items()}
 
     def _hosts(self, host_ids: Iterable[str] | None) -> list[Host]:
         by_id = {host.id: host for host in self.fleet.hosts}

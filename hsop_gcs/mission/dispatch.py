@@ -24,6 +24,7 @@ from hsop_gcs.link.events import (
 )
 from hsop_gcs.link.protocol.hover import HoverOrder
 from hsop_gcs.link.protocol.telemetry import VehicleState
+from hsop_gcs.placement.problem import Point
 
 
 class OrderStatus(StrEnum):
@@ -44,8 +45,24 @@ class OrderProgress:
     order_id: str
     plan_id: str
     order: HostOrder
+    leg: int = 0
+    """How many points of its route the host has passed."""
     status: OrderStatus = OrderStatus.SENT
     note: str = ""
+
+    @property
+    def on_last_leg(self) -> bool:
+        return self.leg == len(self.order.via_m)
+
+    @property
+    def leg_id(self) -> str:
+        """The name of the present leg on the link."""
+        return self.order_id if self.on_last_leg else f"{self.order_id}/via{self.leg + 1}"
+
+    @property
+    def goal_m(self) -> Point:
+        """Where the host is flying to now, ENU metres."""
+        return self.order.position_m if self.on_last_leg else self.order.via_m[self.leg]
 
 
 def mover_of(host_id: str, state: VehicleState, frame: LocalFrame, limits: FlightLimits) -> Mover:
@@ -55,22 +72,22 @@ def mover_of(host_id: str, state: VehicleState, frame: LocalFrame, limits: Fligh
     return Mover(id=host_id, position_m=(east, north, up), speed_mps=limits.speed_mps)
 
 
-def hover_order(
-    order: HostOrder, order_id: str, frame: LocalFrame, *, deadline_s: float, speed_mps: float
-) -> HoverOrder:
-    """Return what goes on the link: the hover point on WGS-84, AMSL; ``deadline_s`` is on the link's clock."""
+def hover_order(progress: OrderProgress, frame: LocalFrame, *, deadline_s: float, speed_mps: float) -> HoverOrder:
+    """Return what goes on the link for the present leg, on WGS-84, AMSL; ``deadline_s`` is on the link's clock."""
     return HoverOrder(
-        order_id=order_id,
-        point=frame.to_geodetic(np.array(order.position_m)),
-        heading_deg=order.heading_deg,
-        aim=order.aim,
+        order_id=progress.leg_id,
+        point=frame.to_geodetic(np.array(progress.goal_m)),
+        heading_deg=progress.order.heading_deg,
+        aim=progress.order.aim,
         deadline_s=deadline_s,
         speed_mps=speed_mps,
     )
 
 
 def progressed(progress: OrderProgress, event: Event) -> OrderProgress:
-    """Return the order's progress after an event of its own."""
+    """Return the order's progress after an event of its present leg; a point on the way is no arrival."""
+    if not progress.on_last_leg and not isinstance(event, OrderAccepted | OrderFailed):
+        return progress
     match event:
         case OrderAccepted():
             return replace(progress, status=OrderStatus.ACCEPTED, note="")

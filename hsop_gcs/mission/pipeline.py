@@ -1,4 +1,4 @@
-"""From tracks to orders, on one screen: tracks → problem → placement → assignment.
+"""From threats to orders, on one screen: threats → problem → placement → assignment.
 
 Pure: a ``Situation`` goes in, a ``Decision`` comes out; the solver's clock is an argument. Everything is frozen and
 picklable, because a decision is made in a worker process.
@@ -8,13 +8,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-from hsop_gcs.assignment import HostOrder, Mover, NoSafeFlight, orders_for
+from hsop_gcs.assignment import HostOrder, Mover, NoSafeFlight, flight_s, order_for, orders_for
 from hsop_gcs.cameras.rig import CameraRig
 from hsop_gcs.fleet import FlightLimits
 from hsop_gcs.placement import place
+from hsop_gcs.placement.holding import held_over
 from hsop_gcs.placement.problem import AvailableHost, Formulation, Objective, Problem, Threat
 from hsop_gcs.placement.solution import HoverPose, Placement, Status, renamed
-from hsop_gcs.tracks import Track
 
 _ARRIVAL_TOLERANCE_S = 1.0
 
@@ -25,6 +25,8 @@ class PlanningRules:
 
     horizon_s: float = 10.0
     safety_distance_m: float = 20.0
+    safety_margin_m: float = 1.0
+    """What plans keep on top of the safety distance, so that they are still safe when a track moves a little."""
     min_separation_m: float = 10.0
     formulation: Formulation = Formulation.OPERATIONAL
     objective: Objective = Objective.LETTER
@@ -32,7 +34,9 @@ class PlanningRules:
     """How many hosts to use: "fewest" that see every threat, "all" that are available, or a number."""
     settle_s: float = 3.0
     """From reaching a hover point to a steady picture."""
-    time_limit_s: float = 2.0
+    keep_margin: float = 0.1
+    """A new plan takes the place of one that still holds only if this share of the cost is gained."""
+    time_limit_s: float = 1.0
     seed: int = 0
     limits: FlightLimits = field(default_factory=FlightLimits)
     rig: CameraRig = field(default_factory=CameraRig)
@@ -43,9 +47,12 @@ class Situation:
     """Everything a decision depends on. ``now_s``: seconds since the Unix epoch."""
 
     now_s: float
-    tracks: tuple[Track, ...]
+    threats: tuple[Threat, ...]
+    """Where they are now."""
     movers: tuple[Mover, ...]
     """The hosts that can be sent."""
+    flying: Placement | None = None
+    """The plan that flies, if one does."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,35 +66,29 @@ class Decision:
     """When the hosts can have arrived: the placement holds from here for one horizon."""
     orders: tuple[HostOrder, ...] = ()
     reason: str = ""
+    keeps: bool = False
+    """The flying plan still does: its hosts stay, only their cameras turn on."""
 
 
 def decide(situation: Situation, rules: PlanningRules, *, now: Callable[[], float]) -> Decision:
     """Place hosts for the moment at which they can be there, and say who flies where.
 
     The travel time is guessed from the distances to the threats; when the placement shows that the slowest host needs
-    longer, it is made once more for that moment. ``now``: the clock that limits the solver, seconds.
+    longer, it is made once more for that moment. The plan that flies is kept if it still holds and the new one is not
+    better by more than the rules' margin. ``now``: the clock that limits the solver, seconds.
     """
     lead_s = _first_lead_s(situation, rules)
     decision = _decide_for(situation, rules, lead_s, now)
-    slowest_s = _slowest_s(decision, situation, rules)
-    if slowest_s > lead_s + _ARRIVAL_TOLERANCE_S:
-        decision = _decide_for(situation, rules, slowest_s, now)
-    return decision
+    slowest_s = _slowest_s(decision, situation)
+    if decision.orders and slowest_s + rules.settle_s > lead_s + _ARRIVAL_TOLERANCE_S:
+        decision = _decide_for(situation, rules, slowest_s + rules.settle_s, now)
+    return _kept(situation, rules, decision) or decision
 
 
 def _decide_for(situation: Situation, rules: PlanningRules, lead_s: float, now: Callable[[], float]) -> Decision:
     window_start_s = situation.now_s + lead_s
-    threats = tuple(_threat(track, window_start_s) for track in situation.tracks)
-    problem = Problem(
-        threats=threats,
-        hosts=tuple(AvailableHost(id=mover.id, position_m=mover.position_m) for mover in situation.movers),
-        rig=rules.rig,
-        horizon_s=rules.horizon_s,
-        safety_distance_m=rules.safety_distance_m,
-        formulation=rules.formulation,
-        objective=rules.objective,
-        min_separation_m=rules.min_separation_m,
-    )
+    problem = _problem(situation, rules, lead_s)
+    threats = problem.threats
     placement = place(
         problem, n_hosts=_host_count(problem, rules), seed=rules.seed, time_limit_s=rules.time_limit_s, now=now
     )
@@ -98,7 +99,7 @@ def _decide_for(situation: Situation, rules: PlanningRules, lead_s: float, now: 
     orders = orders_for(
         placement,
         situation.movers,
-        threats_now=tuple(_threat(track, situation.now_s) for track in situation.tracks),
+        threats_now=situation.threats,
         threats_then=threats,
         horizon_s=rules.horizon_s,
         safety_distance_m=rules.safety_distance_m,
@@ -109,8 +110,39 @@ def _decide_for(situation: Situation, rules: PlanningRules, lead_s: float, now: 
     return replace(decision, placement=renamed(placement, flown_by), orders=orders)
 
 
-def _threat(track: Track, at_s: float) -> Threat:
-    return Threat(id=track.id, position_m=track.position_at(at_s), velocity_mps=track.velocity_mps, size_m=track.size_m)
+def _problem(situation: Situation, rules: PlanningRules, lead_s: float) -> Problem:
+    return Problem(
+        threats=tuple(replace(threat, position_m=threat.predicted_m(lead_s)) for threat in situation.threats),
+        hosts=tuple(AvailableHost(id=mover.id, position_m=mover.position_m) for mover in situation.movers),
+        rig=rules.rig,
+        horizon_s=rules.horizon_s,
+        safety_distance_m=rules.safety_distance_m + rules.safety_margin_m,
+        formulation=rules.formulation,
+        objective=rules.objective,
+        min_separation_m=rules.min_separation_m,
+    )
+
+
+def _kept(situation: Situation, rules: PlanningRules, new: Decision) -> Decision | None:
+    """The flying plan for another window, if every constraint holds in it and nothing new is better by the margin."""
+    flying, available = situation.flying, {mover.id for mover in situation.movers}
+    if flying is None or not {pose.host for pose in flying.hosts} <= available:
+        return None
+    held = [
+        held_over(flying, _problem(situation, rules, lead_s)) for lead_s in (0.0, new.window_start_s - situation.now_s)
+    ]
+    now, then = held
+    if now is None or then is None or now.cost is None or then.cost is None:
+        return None
+    if new.orders and new.placement.cost is not None and then.cost > (1 + rules.keep_margin) * new.placement.cost:
+        return None
+    return Decision(
+        placement=now,
+        threats=situation.threats,
+        window_start_s=situation.now_s,
+        orders=tuple(order_for(pose.host, pose, now, situation.threats, rules.horizon_s) for pose in now.hosts),
+        keeps=True,
+    )
 
 
 def _host_count(problem: Problem, rules: PlanningRules) -> int | None:
@@ -131,7 +163,8 @@ def _first_lead_s(situation: Situation, rules: PlanningRules) -> float:
     flights_s = [
         max(
             0.0,
-            min(math.dist(mover.position_m, track.position_m) for track in situation.tracks) - rules.safety_distance_m,
+            min(math.dist(mover.position_m, threat.position_m) for threat in situation.threats)
+            - rules.safety_distance_m,
         )
         / mover.speed_mps
         for mover in situation.movers
@@ -139,10 +172,7 @@ def _first_lead_s(situation: Situation, rules: PlanningRules) -> float:
     return max(flights_s, default=0.0) + rules.settle_s
 
 
-def _slowest_s(decision: Decision, situation: Situation, rules: PlanningRules) -> float:
+def _slowest_s(decision: Decision, situation: Situation) -> float:
+    """The longest flight of the orders; 0 without orders."""
     mover_of = {mover.id: mover for mover in situation.movers}
-    flights_s = [
-        math.dist(mover_of[order.host].position_m, order.position_m) / mover_of[order.host].speed_mps
-        for order in decision.orders
-    ]
-    return max(flights_s, default=0.0) + rules.settle_s if flights_s else 0.0
+    return max((flight_s(mover_of[order.host], order) for order in decision.orders), default=0.0)

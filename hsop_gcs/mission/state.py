@@ -9,11 +9,12 @@
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from hsop_gcs.mission.pipeline import Decision
-from hsop_gcs.tracks import Track
+from hsop_gcs.tracks import Track, TrackStatus
 
 
 class Autonomy(StrEnum):
@@ -54,7 +55,7 @@ class ReplanRules:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MissionState:
+class Plans:
     """The plans there are. ``failed`` is the newest decision that could not become a plan, None once one could."""
 
     proposed: Plan | None = None
@@ -69,24 +70,27 @@ class MissionState:
         return max(plans, key=lambda plan: plan.made_at_s, default=None)
 
 
-def ready(tracks: tuple[Track, ...], now_s: float, rules: ReplanRules) -> tuple[Track, ...]:
-    """Return the tracks worth planning for: those whose velocity is known or will not be known soon."""
+def ready(tracks: Iterable[Track], now_s: float, rules: ReplanRules) -> tuple[Track, ...]:
+    """Return the tracks worth planning for: confirmed, with a velocity that is known or will not be known soon."""
     return tuple(
-        track for track in tracks if track.velocity_known or now_s - track.first_seen_s > rules.velocity_wait_s
+        track
+        for track in tracks
+        if track.status is not TrackStatus.TENTATIVE
+        and (track.velocity_known or now_s - track.first_seen_s > rules.velocity_wait_s)
     )
 
 
 def replan_reason(
-    state: MissionState, tracks: tuple[Track, ...], available: frozenset[str], now_s: float, rules: ReplanRules
+    plans: Plans, tracks: tuple[Track, ...], available: frozenset[str], now_s: float, rules: ReplanRules
 ) -> str | None:
     """Return why a new plan is due now, for a person, or None."""
     if not tracks:
         return None
-    newest = state.newest
+    newest = plans.newest
     if newest is None:
         return f"threat {tracks[0].id} appeared"
     planned = {threat.id: threat for threat in newest.decision.threats}
-    if newest is state.failed:
+    if newest is plans.failed:
         waited = now_s >= newest.made_at_s + rules.retry_s
         return "no plan yet" if waited else None
     for track in tracks:
@@ -108,11 +112,9 @@ def replan_reason(
     return None
 
 
-def with_decision(
-    state: MissionState, decision: Decision, *, trigger: str, now_s: float, horizon_s: float
-) -> MissionState:
-    """Return the state after a decision: a new proposal that replaces an older one, or a failure to show."""
-    made = state.made + 1
+def with_decision(plans: Plans, decision: Decision, *, trigger: str, now_s: float, horizon_s: float) -> Plans:
+    """Return the plans after a decision: a new proposal, the flying plan for longer, or a failure to show."""
+    made = plans.made + 1
     plan = Plan(
         id=f"P{made}",
         made_at_s=now_s,
@@ -120,18 +122,20 @@ def with_decision(
         trigger=trigger,
         decision=decision,
     )
+    if decision.keeps and plans.flying is not None:
+        return replace(plans, flying=replace(plan, id=plans.flying.id), proposed=None, failed=None)
     if decision.orders:
-        return replace(state, made=made, proposed=plan, failed=None)
-    return replace(state, made=made, proposed=None, failed=plan)
+        return replace(plans, made=made, proposed=plan, failed=None)
+    return replace(plans, made=made, proposed=None, failed=plan)
 
 
-def with_proposal_flying(state: MissionState) -> MissionState:
-    """Return the state in which the proposed plan flies. Raises ValueError if there is none."""
-    if state.proposed is None:
+def with_proposal_flying(plans: Plans) -> Plans:
+    """Return the plans of which the proposed one flies. Raises ValueError if there is none."""
+    if plans.proposed is None:
         raise ValueError("no plan is proposed")
-    return replace(state, flying=state.proposed, proposed=None)
+    return replace(plans, flying=plans.proposed, proposed=None)
 
 
-def without_threats(state: MissionState) -> MissionState:
-    """Return the state after the last threat has left: no plan holds any more; hosts hover where they are."""
-    return replace(state, proposed=None, flying=None, failed=None)
+def without_threats(plans: Plans) -> Plans:
+    """Return the plans after the last threat has left: no plan holds any more; hosts hover where they are."""
+    return replace(plans, proposed=None, flying=None, failed=None)

@@ -3,14 +3,16 @@
 import math
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from hsop_gcs.assignment import Mover, NoSafeFlight, orders_for
-from hsop_gcs.assignment.orders import HostOrder, clearance_m
+from hsop_gcs.assignment import HostOrder, Mover, NoSafeFlight, clearance_m, orders_for, safe_route
 from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.placement.problem import Formulation, Objective, Point, Threat
 from hsop_gcs.placement.solution import HoverPose, Placement, Status, ThreatPair, View
 
 CENTIMETRE = 0.01
+RING = [(math.cos(k * math.pi / 6), math.sin(k * math.pi / 6)) for k in range(12)]
 
 
 def mover(name: str, *position_m: float) -> Mover:
@@ -79,8 +81,28 @@ def test_a_host_is_not_sent_past_a_threat() -> None:
     assert next(order.host for order in orders if order.position_m == (-40.0, 0.0, 50.0)) == "h3"
 
 
+def test_a_host_flies_around_a_threat_that_is_in_its_way() -> None:
+    movers = (mover("h1", 60, 0, 50), mover("h2", 60, -5, 50))
+    orders = ordered(movers)
+    assert not isinstance(orders, NoSafeFlight)
+    west = next(order for order in orders if order.position_m == (-40.0, 0.0, 50.0))
+    assert west.via_m
+    flown = next(each for each in movers if each.id == west.host)
+    way = (*west.via_m, west.position_m)
+    assert clearance_m(flown, (west.position_m,), (THREAT,), horizon_s=10.0) < 20
+    assert clearance_m(flown, way, (THREAT,), horizon_s=10.0) >= 20
+
+
 def test_no_orders_when_every_way_leads_past_a_threat() -> None:
-    refused = ordered((mover("h1", 60, 0, 50), mover("h2", 60, -5, 50)))
+    fence = tuple(Threat(id=f"f{k}", position_m=(60.0 + 40 * c, 40 * s, 50.0)) for k, (c, s) in enumerate(RING))
+    refused = orders_for(
+        PLACEMENT,
+        (mover("h1", 60, 0, 50), mover("h2", 60, -5, 50)),
+        threats_now=fence,
+        threats_then=(THREAT,),
+        horizon_s=10.0,
+        safety_distance_m=20.0,
+    )
     assert isinstance(refused, NoSafeFlight)
     assert "20 m from all threats" in refused.reason
 
@@ -92,14 +114,35 @@ def test_too_few_hosts_is_said_so() -> None:
 
 
 def test_clearance_counts_where_the_threat_is_at_that_moment() -> None:
-    flying = mover("h1", -100, 0, 50)
+    flying, way = mover("h1", -100, 0, 50), ((100.0, 0.0, 50.0),)
     crossing = Threat(id="t1", position_m=(0.0, -100.0, 50.0), velocity_mps=(0.0, 10.0, 0.0))
-    assert clearance_m(flying, (100.0, 0.0, 50.0), (crossing,), horizon_s=20.0) == pytest.approx(0, abs=1 * CENTIMETRE)
+    assert clearance_m(flying, way, (crossing,), horizon_s=20.0) == pytest.approx(0, abs=1 * CENTIMETRE)
     late = Threat(id="t1", position_m=(0.0, -100.0, 50.0), velocity_mps=(0.0, 1.0, 0.0))
-    assert clearance_m(flying, (100.0, 0.0, 50.0), (late,), horizon_s=20.0) > 80
+    assert clearance_m(flying, way, (late,), horizon_s=20.0) > 80
 
 
-def test_a_host_caught_inside_the_safety_distance_may_fly_out() -> None:
+def test_a_host_caught_inside_the_safety_distance_flies_out_and_never_nearer() -> None:
     caught = mover("h1", -5, 0, 50)
-    assert math.isinf(clearance_m(caught, (-40.0, 0.0, 50.0), (THREAT,), horizon_s=10.0))
-    assert clearance_m(caught, (40.0, 0.0, 50.0), (THREAT,), horizon_s=10.0) < 5
+    for goal in ((-40.0, 0.0, 50.0), (40.0, 0.0, 50.0)):
+        route = safe_route(caught, goal, (THREAT,), horizon_s=10.0, safety_distance_m=20.0)
+        assert route is not None
+        assert route.points_m[-1] == goal
+        assert clearance_m(caught, route.points_m, (THREAT,), horizon_s=10.0) >= 5 - 1 * CENTIMETRE
+
+
+places = st.tuples(st.floats(-80, 80), st.floats(-80, 80), st.floats(30, 50))
+
+
+@given(places, places, st.lists(st.tuples(places, st.floats(-5, 5), st.floats(-5, 5)), max_size=3))
+@settings(deadline=None, max_examples=60)
+def test_no_route_comes_nearer_than_it_may(start: Point, goal: Point, moving: list[tuple[Point, float, float]]) -> None:
+    threats = tuple(
+        Threat(id=str(k), position_m=at, velocity_mps=(east, north, 0.0)) for k, (at, east, north) in enumerate(moving)
+    )
+    flying = Mover(id="h", position_m=start, speed_mps=10.0)
+    route = safe_route(flying, goal, threats, horizon_s=10.0, safety_distance_m=20.0)
+    if route is None:
+        return
+    for threat in threats:
+        allowed = min(20.0, math.dist(start, threat.position_m))
+        assert clearance_m(flying, route.points_m, (threat,), horizon_s=10.0) >= allowed - 1 * CENTIMETRE

@@ -5,7 +5,7 @@ import pytest
 from hsop_gcs.assignment import HostOrder
 from hsop_gcs.mission.pipeline import Decision
 from hsop_gcs.mission.state import (
-    MissionState,
+    Plans,
     ReplanRules,
     ready,
     replan_reason,
@@ -41,16 +41,16 @@ def decision(*threats: Threat, orders: bool = True) -> Decision:
     )
 
 
-def planned(orders: bool = True) -> MissionState:
+def planned(orders: bool = True) -> Plans:
     """A plan made at 100 s for one threat that is at 5 m east when its window starts at 105 s."""
     threat = Threat(id="t1", position_m=(5.0, 0.0, 40.0), velocity_mps=(1.0, 0.0, 0.0))
     return with_decision(
-        MissionState(), decision(threat, orders=orders), trigger="threat t1 appeared", now_s=100.0, horizon_s=10.0
+        Plans(), decision(threat, orders=orders), trigger="threat t1 appeared", now_s=100.0, horizon_s=10.0
     )
 
 
 def test_a_first_threat_asks_for_a_plan() -> None:
-    assert replan_reason(MissionState(), (track("t1", 100, 0),), HOSTS, 100.0, RULES) == "threat t1 appeared"
+    assert replan_reason(Plans(), (track("t1", 100, 0),), HOSTS, 100.0, RULES) == "threat t1 appeared"
 
 
 def test_without_threats_there_is_nothing_to_plan() -> None:
@@ -81,7 +81,7 @@ def test_a_threat_that_left_asks_for_a_plan_without_it() -> None:
         Threat(id="t1", position_m=(5.0, 0.0, 40.0), velocity_mps=(1.0, 0.0, 0.0)),
         Threat(id="t2", position_m=(90.0, 0.0, 40.0)),
     )
-    state = with_decision(MissionState(), both, trigger="", now_s=100.0, horizon_s=10.0)
+    state = with_decision(Plans(), both, trigger="", now_s=100.0, horizon_s=10.0)
     assert replan_reason(state, (track("t1", 101, 1),), HOSTS, 101.0, RULES) == "threat t2 left"
 
 
@@ -116,7 +116,7 @@ def test_a_newer_plan_replaces_a_proposal() -> None:
 
 def test_nothing_to_approve_is_a_caller_s_mistake() -> None:
     with pytest.raises(ValueError, match="no plan is proposed"):
-        with_proposal_flying(MissionState())
+        with_proposal_flying(Plans())
 
 
 def test_a_threat_without_a_velocity_is_given_a_moment_to_show_one() -> None:

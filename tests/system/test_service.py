@@ -62,23 +62,47 @@ def test_a_plan_waits_for_approval_flies_when_approved_and_ends_with_its_threat(
         assert {"LinkUp", "OrderAccepted"} <= kinds
 
 
-def test_in_auto_plans_fly_at_once_and_again_when_the_horizon_has_run_out() -> None:
+def test_in_auto_a_plan_flies_at_once_is_kept_while_it_holds_and_replaced_when_it_does_not() -> None:
     port = free_udp_port()
     with service(settings(2, port, autonomy="auto", horizon_s=2.0)) as client, simulated_fleet(port, 2):
         hosts_ready(client, 2)
-        again = keep_reporting(client, report("t1", **STILL))
-        again()
+        still = keep_reporting(client, report("t1", **STILL))
+        still()
         first = wait_until(lambda: plans(client)["flying"])
 
-        def next_one() -> Json | None:
-            again()
-            newer: Json = plans(client)["flying"]
-            return newer if newer["id"] != first["id"] else None
+        def kept() -> bool:
+            still()
+            flying: Json = plans(client)["flying"]
+            return bool(flying["id"] == first["id"]) and flying["trigger"] == "the horizon has run out"
 
-        newer = wait_until(next_one, limit_s=40)
-        assert newer["trigger"] == "the horizon has run out"
+        wait_until(kept, limit_s=40)
+        accepted = [each["host"] for each in client.get("/api/v1/events").json() if each["kind"] == "OrderAccepted"]
+        assert sorted(accepted) == ["h1", "h2"], "an unchanged plan is not sent again"
+
+        both = keep_reporting(client, report("t1", **STILL), report("t2", position=position(lon_deg=8.5459), **STILL))
+
+        def replaced() -> Json | None:
+            both()
+            flying: Json = plans(client)["flying"]
+            return flying if flying["id"] != first["id"] else None
+
+        assert wait_until(replaced, limit_s=40)["trigger"] == "threat t2 appeared"
         client.post("/api/v1/hosts/hold", json={}).raise_for_status()
         assert plans(client)["autonomy"] == "confirm"
+
+
+def test_a_dismissed_threat_is_gone_with_its_plan_and_stays_away() -> None:
+    port = free_udp_port()
+    with service(settings(2, port)) as client, simulated_fleet(port, 2):
+        hosts_ready(client, 2)
+        post(client, report("t1", **STILL))
+        proposed(client)
+        assert client.delete("/api/v1/threats/t1").status_code == 204
+        assert client.delete("/api/v1/threats/t1").status_code == 404
+        assert plans(client)["proposed"] is None
+        answer = client.post("/api/v1/reports", json=report("t1", **STILL))
+        assert answer.status_code == 422
+        assert "dismissed" in answer.json()["detail"]
 
 
 def test_a_service_that_advises_flies_nothing() -> None:

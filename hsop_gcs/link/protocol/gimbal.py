@@ -108,6 +108,13 @@ class Gimbal:
         self._tell_if_clipped()
         self.advance(now)
 
+    def follow(self, aim: Aim, now: float) -> None:
+        """Move the aim of the present order along, as its target moves. Without an order, nothing."""
+        if self.aim is None:
+            return
+        self.aim = aim
+        self.advance(now)
+
     def stop(self, now: float) -> None:
         """Leave the gimbal as it is."""
         self._commands.withdraw(_key("aim"), now)

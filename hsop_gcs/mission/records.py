@@ -1,0 +1,52 @@
+"""Inputs as the journal holds them: a kind and plain JSON, there and back without losing a bit."""
+
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from hsop_gcs.errors import BadInput
+from hsop_gcs.link import events
+from hsop_gcs.link.events import Event
+from hsop_gcs.mission.core import (
+    DecisionMade,
+    HostsHeld,
+    HostSpoke,
+    Input,
+    LegFlown,
+    MissionStarted,
+    PlanFlew,
+    ReportsArrived,
+    ThreatDismissed,
+    TimePassed,
+)
+
+_PLAIN = (MissionStarted, ReportsArrived, TimePassed, DecisionMade, PlanFlew, LegFlown, HostsHeld, ThreatDismissed)
+_ADAPTERS: dict[str, TypeAdapter[Any]] = {cls.__name__: TypeAdapter(cls) for cls in _PLAIN}
+_EVENTS: dict[str, TypeAdapter[Any]] = {
+    name: TypeAdapter(cls)
+    for name, cls in vars(events).items()
+    if isinstance(cls, type) and issubclass(cls, Event) and cls is not Event
+}
+
+
+def to_record(given: Input) -> tuple[str, Any]:
+    """Return what the journal holds of an input: its kind and its data, without its time."""
+    kind = type(given).__name__
+    if isinstance(given, HostSpoke):
+        name = type(given.event).__name__
+        return kind, {"host": given.host, "event": name, "details": _EVENTS[name].dump_python(given.event, mode="json")}
+    data = _ADAPTERS[kind].dump_python(given, mode="json")
+    del data["time_s"]
+    return kind, data
+
+
+def from_record(kind: str, data: Any, time_s: float) -> Input:
+    """Return the input of a journal's entry. Raises BadInput for a kind that is none, or data that does not fit it."""
+    try:
+        if kind == HostSpoke.__name__:
+            event = _EVENTS[data["event"]].validate_python(data["details"])
+            return HostSpoke(time_s=time_s, host=data["host"], event=event)
+        given: Input = _ADAPTERS[kind].validate_python({**data, "time_s": time_s})
+    except (KeyError, TypeError, ValueError) as error:
+        raise BadInput(kind, f"no entry of a mission's journal: {error}") from error
+    return given

@@ -1,0 +1,49 @@
+"""Whether hosts that hover already still see what they should: an old placement under a new prediction."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from hsop_gcs.cameras.rig import CameraKind
+from hsop_gcs.geometry.frames import aim_between
+from hsop_gcs.placement.objective import evaluate, threat_points_m
+from hsop_gcs.placement.problem import Point, Problem
+from hsop_gcs.placement.solution import HoverPose, Placement, Status
+
+_TOLERANCE = 1e-6
+
+
+def held_over(placement: Placement, problem: Problem) -> Placement | None:
+    """Return the placement with its cameras turned to the problem's threats; None if a constraint does not hold.
+
+    Hosts stay where they are with the headings and views they have; pans bisect what the central cameras are to see.
+    """
+    if {pair.threat for pair in placement.pairs} != {threat.id for threat in problem.threats}:
+        return None
+    points = {threat.id: at for threat, at in zip(problem.threats, threat_points_m(problem), strict=True)}
+    hosts = tuple(_turned(pose, placement, points) for pose in placement.hosts)
+    worth = evaluate(problem, hosts, {pair.threat: pair.views for pair in placement.pairs})
+    slack = worth.margins
+    if min(slack.pixels, slack.fov_deg, slack.distance_m, slack.separation_m) < -_TOLERANCE:
+        return None
+    pairs = tuple(
+        replace(pair, cost=worth.pair_costs[pair.threat], expected_error_m=worth.expected_errors_m[pair.threat])
+        for pair in placement.pairs
+    )
+    return replace(
+        placement, status=Status.FEASIBLE, hosts=hosts, pairs=pairs, cost=worth.cost, lower_bound=0.0, solve_time_s=0.0
+    )
+
+
+def _turned(pose: HoverPose, placement: Placement, points: dict[str, tuple[Point, Point]]) -> HoverPose:
+    seen = [
+        point
+        for pair in placement.pairs
+        for view in pair.views
+        if view.host == pose.host and view.camera is CameraKind.CENTRAL
+        for point in points[pair.threat]
+    ]
+    if not seen:
+        return pose
+    aim = aim_between(np.array(pose.position_m), np.array(seen))
+    return replace(pose, pan_deg=aim.pan_deg, tilt_deg=aim.tilt_deg)
