@@ -87,19 +87,24 @@ def associate(
 
 def _hints(tracks: Mapping[str, Track], scan: Sequence[Measurement]) -> dict[int, str]:
     """Return the track that each measurement's id stands for, by index; a track at most once."""
-    if all(each.threat_id is None and each.track_id is None for each in scan):
-        return {}
-    bound = {(each.source, each.threat_id): track.id for track in tracks.values() for each in track.sources}
     found: dict[int, str] = {}
     taken: set[str] = set()
     for index, each in enumerate(scan):
-        track_id = each.track_id if each.track_id in tracks else None
-        if track_id is None and each.threat_id is not None:
-            track_id = bound.get((each.source, each.threat_id))
+        track_id = each.track_id if each.track_id in tracks else _bound_to(tracks, each.source, each.threat_id)
         if track_id is not None and track_id not in taken:
             found[index] = track_id
             taken.add(track_id)
     return found
+
+
+def _bound_to(tracks: Mapping[str, Track], source: str, threat_id: str | None) -> str | None:
+    """Return the track that a source's id stands for. Most bear that very id, which spares the search."""
+    if threat_id is None:
+        return None
+    namesake = tracks.get(threat_id)
+    if namesake is not None and namesake.is_bound_to(source, threat_id):
+        return namesake.id
+    return next((track.id for track in tracks.values() if track.is_bound_to(source, threat_id)), None)
 
 
 def _add_nearest(

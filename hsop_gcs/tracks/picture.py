@@ -148,9 +148,7 @@ class _Work:
         if measurement.threat_id is None:
             return
         for track in self._tracks.values():
-            if any(
-                each.source == measurement.source and each.threat_id == measurement.threat_id for each in track.sources
-            ):
+            if track.is_bound_to(measurement.source, measurement.threat_id):
                 self._tracks[track.id] = without_id(track, measurement.source, measurement.threat_id)
 
     def _name(self, report: Report) -> str:
