@@ -169,7 +169,7 @@ def surely_within(state: State, report: Report, gate: float, rules: TrackRules) 
 def first_state(report: Report, rules: TrackRules) -> State:
     """Return what one report alone says; a velocity it does not give is zero, give or take how fast threats fly."""
     noise = np.zeros((6, 6))
-    noise[:3, :3] = position_noise(report, rules)
+    noise[:3, :3] = position_noise([report], rules)[0]
     velocity_sigma = rules.first_velocity_sigma_mps
     if report.velocity_mps is not None:
         velocity_sigma = _velocity_sigma(report, rules)
@@ -177,17 +177,20 @@ def first_state(report: Report, rules: TrackRules) -> State:
     return State(report.time_s, np.array([*report.position_m, *(report.velocity_mps or (0.0, 0.0, 0.0))]), noise)
 
 
-def position_noise(report: Report, rules: TrackRules) -> FloatArray:
-    """Return the covariance of a reported position, (3, 3), square metres."""
-    if report.covariance_m2 is not None:
-        return np.array(report.covariance_m2)
-    return _position_sigma(report, rules) ** 2 * _IDENTITY[:3, :3]
+def position_noise(reports: Sequence[Report], rules: TrackRules) -> FloatArray:
+    """Return the covariances of reported positions, (n, 3, 3), square metres."""
+    variances = np.array([_position_sigma(each, rules) ** 2 for each in reports])
+    noise = variances[:, None, None] * _IDENTITY[:3, :3]
+    for index, each in enumerate(reports):
+        if each.covariance_m2 is not None:
+            noise[index] = each.covariance_m2
+    return noise
 
 
 def _innovate_reports(mean: FloatArray, reports: list[Report], rules: TrackRules) -> Innovation:
     count, size = len(reports), dimension(reports[0])
     noise = np.zeros((count, size, size))
-    noise[:, :3, :3] = [position_noise(each, rules) for each in reports]
+    noise[:, :3, :3] = position_noise(reports, rules)
     measured = np.array([each.position_m for each in reports])
     if size == 6:
         noise[:, _AXES + 3, _AXES + 3] = np.array([_velocity_sigma(each, rules) ** 2 for each in reports])[:, None]

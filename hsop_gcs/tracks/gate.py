@@ -89,7 +89,7 @@ def within_reach(
         + 2 * elapsed_s * np.trace(covariance[:, :3, 3:], axis1=1, axis2=2)
         + elapsed_s**2 * np.trace(covariance[:, 3:, 3:], axis1=1, axis2=2)
         + rules.acceleration_psd_m2ps3 * np.abs(elapsed_s) ** 3
-        + np.array([np.trace(position_noise(each, rules)) for each in reports])[:, None]
+        + np.trace(position_noise(reports, rules), axis1=1, axis2=2)[:, None]
     )
     gates = np.array([gate(each, rules) for each in reports])[:, None]
     possible[rows] = (residual**2).sum(axis=2) <= gates * trace

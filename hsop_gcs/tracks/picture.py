@@ -11,7 +11,7 @@ from hsop_gcs.tracks.history import insert
 from hsop_gcs.tracks.lifecycle import aged, begin, extend, has_left, without_id
 from hsop_gcs.tracks.rules import TrackRules
 from hsop_gcs.tracks.screen import on_own_host, refusal_of
-from hsop_gcs.tracks.sources import Refusal, RefusalKind, Watches, believed, heard, refused
+from hsop_gcs.tracks.sources import Refusal, RefusalKind, Tally, Watches
 from hsop_gcs.tracks.track import Track
 
 NO_HOSTS: Mapping[str, Vector3] = MappingProxyType({})
@@ -80,7 +80,8 @@ class _Work:
     def __init__(self, picture: Picture, measurements: Sequence[Measurement], now_s: float, rules: TrackRules) -> None:
         self.verdicts: dict[int, Verdict] = {}
         self._tracks = dict(picture.tracks)
-        self._sources = dict(picture.sources)
+        self._sources = picture.sources
+        self._tallies: dict[str, Tally] = {}
         self._named = picture.named
         self._measurements = measurements
         self._seen: set[Measurement] = set()
@@ -89,8 +90,11 @@ class _Work:
         self._rules = rules
 
     def picture(self) -> Picture:
+        heard = {source: tally.watch() for source, tally in self._tallies.items()}
         return Picture(
-            tracks=MappingProxyType(self._tracks), sources=MappingProxyType(self._sources), named=self._named
+            tracks=MappingProxyType(self._tracks),
+            sources=MappingProxyType({**self._sources, **heard}),
+            named=self._named,
         )
 
     def unjudged(self) -> list[int]:
@@ -99,8 +103,10 @@ class _Work:
     def screen(self, index: int, hosts_m: Mapping[str, Vector3], clock: ReportRules) -> None:
         """Watch the source's clock, and refuse what needs no track to be refused."""
         measurement = self._measurements[index]
-        watch = self._sources.get(measurement.source)
-        self._sources[measurement.source] = heard(watch, measurement.time_s, self._now_s)
+        source = measurement.source
+        if source not in self._tallies:
+            self._tallies[source] = Tally(self._sources.get(source), self._now_s)
+        self._tallies[source].hear(measurement.time_s)
         refusal = refusal_of(measurement, self._now_s, clock)
         if refusal is None and measurement in self._seen:
             problem = f"{measurement.source!r} has sent the same report twice"
@@ -136,13 +142,13 @@ class _Work:
 
     def _believe(self, index: int, track_id: str, *, out_of_order: bool) -> None:
         self.verdicts[index] = track_id
-        source = self._measurements[index].source
-        self._sources[source] = believed(self._sources[source], out_of_order=out_of_order)
+        tally = self._tallies[self._measurements[index].source]
+        tally.accepted += 1
+        tally.out_of_order += out_of_order
 
     def _refuse(self, index: int, refusal: Refusal) -> None:
         self.verdicts[index] = refusal
-        source = self._measurements[index].source
-        self._sources[source] = refused(self._sources[source], refusal.kind)
+        self._tallies[self._measurements[index].source].refuse(refusal.kind)
 
     def _release(self, measurement: Measurement) -> None:
         if measurement.threat_id is None:

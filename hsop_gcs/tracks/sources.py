@@ -2,7 +2,7 @@
 
 import statistics
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 from hsop_gcs.errors import BadInput
@@ -56,20 +56,31 @@ class SourceWatch:
 Watches = Mapping[str, SourceWatch]
 
 
-def heard(watch: SourceWatch | None, time_s: float, now_s: float) -> SourceWatch:
-    """Return the watch after a report of ``time_s`` has arrived at ``now_s``, believed or not."""
-    watch = watch or SourceWatch(last_heard_s=now_s)
-    return replace(
-        watch,
-        last_heard_s=now_s,
-        clock_samples=watch.clock_samples + 1,
-        recent_offsets_s=(*watch.recent_offsets_s[1 - _OFFSETS_KEPT :], time_s - now_s),
-    )
+class Tally:
+    """What one update hears of one source: a watch in the making."""
 
+    def __init__(self, watch: SourceWatch | None, now_s: float) -> None:
+        self._watch = watch or SourceWatch(last_heard_s=now_s)
+        self._now_s = now_s
+        self._offsets_s: list[float] = []
+        self._refused = dict(self._watch.refused)
+        self.accepted = 0
+        self.out_of_order = 0
 
-def believed(watch: SourceWatch, *, out_of_order: bool) -> SourceWatch:
-    return replace(watch, accepted=watch.accepted + 1, out_of_order=watch.out_of_order + out_of_order)
+    def hear(self, time_s: float) -> None:
+        """Count a report of ``time_s``, believed or not."""
+        self._offsets_s.append(time_s - self._now_s)
 
+    def refuse(self, kind: RefusalKind) -> None:
+        self._refused[kind] = self._refused.get(kind, 0) + 1
 
-def refused(watch: SourceWatch, kind: RefusalKind) -> SourceWatch:
-    return replace(watch, refused={**watch.refused, kind: watch.refused.get(kind, 0) + 1})
+    def watch(self) -> SourceWatch:
+        """Return the watch with all that was heard."""
+        return SourceWatch(
+            last_heard_s=self._now_s,
+            accepted=self._watch.accepted + self.accepted,
+            out_of_order=self._watch.out_of_order + self.out_of_order,
+            refused=self._refused,
+            clock_samples=self._watch.clock_samples + len(self._offsets_s),
+            recent_offsets_s=(*self._watch.recent_offsets_s, *self._offsets_s)[-_OFFSETS_KEPT:],
+        )
