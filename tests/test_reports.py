@@ -24,9 +24,16 @@ def test_an_ellipsoid_height_is_refused_where_the_geoid_is_not_known() -> None:
         locate(47.0, 8.0, 498.0, AltitudeDatum.HAE, Site(frame=FRAME), RULES)
 
 
-def test_a_receiver_without_a_fix_is_refused() -> None:
+@pytest.mark.parametrize(("lat_deg", "lon_deg"), [(0.0, 0.0), (1e-7, -1e-7)])
+def test_a_receiver_without_a_fix_is_refused(lat_deg: float, lon_deg: float) -> None:
     with pytest.raises(BadInput, match="no fix"):
-        locate(0.0, 0.0, 0.0, AltitudeDatum.AMSL, Site(frame=FRAME), RULES)
+        locate(lat_deg, lon_deg, 0.0, AltitudeDatum.AMSL, Site(frame=FRAME), RULES)
+
+
+def test_a_place_on_the_equator_is_a_place() -> None:
+    site = Site(frame=LocalFrame(GeodeticPoint(lat_deg=0.0, lon_deg=32.0, altitude_amsl_m=1100.0)))
+    place = locate(0.0, 32.0, 1150.0, AltitudeDatum.AMSL, site, RULES)
+    assert place == pytest.approx((0, 0, 50), abs=1 * MILLIMETRE)
 
 
 def test_a_place_on_another_continent_is_refused() -> None:
