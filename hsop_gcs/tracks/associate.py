@@ -7,7 +7,7 @@ report is wrong if no aircraft flies so fast.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -45,44 +45,60 @@ def associate(
 
     ``suspects``: measurements that are refused unless they bear a known threat's id and lie in its gate.
     """
-    matched: dict[int, str] = {}
-    released: set[int] = set()
     hinted = _hints(tracks, scan)
-    refusals = {index: refusal for index, refusal in suspects.items() if index not in hinted}
-    for index, track_id in hinted.items():
-        refusal = _untimely(tracks[track_id], scan[index], rules)
-        if refusal is not None:
-            refusals[index] = refusal
-    due: dict[int, State] = {}
-    for index, track_id in hinted.items():
-        if index not in refusals:
-            state, measurement = state_before(tracks[track_id].steps, scan[index].time_s), scan[index]
-            if isinstance(measurement, Report) and surely_within(state, measurement, gate(measurement, rules), rules):
-                matched[index] = track_id
-            else:
-                due[index] = state
-    squared = distances(list(due.values()), [scan[index] for index in due], rules)[0] if due else np.zeros(0)
-    for index, distance in zip(due, squared.tolist(), strict=True):
-        measurement, track = scan[index], tracks[hinted[index]]
-        if distance < impossible(measurement, rules):
-            if index not in suspects or distance <= gate(measurement, rules):
-                matched[index] = track.id
-            else:
-                refusals[index] = suspects[index]
-        elif index in suspects:
-            refusals[index] = suspects[index]
-        elif isinstance(measurement, Bearing) or _is_held_by_others(track, measurement, rules):
-            released.add(index)
-        elif (refusal := _out_of_reach(track, measurement, rules)) is not None:
-            refusals[index] = refusal
-        else:
-            matched[index] = track.id
-    free = {index: each for index, each in enumerate(scan) if index not in matched and index not in refusals}
+    found = _Found(refusals={index: refusal for index, refusal in suspects.items() if index not in hinted})
+    _follow_hints(tracks, scan, hinted, suspects, rules, found)
+    free = {index: each for index, each in enumerate(scan) if index not in found.tracks and index not in found.refusals}
     if free:
-        taken = set(matched.values())
+        taken = set(found.tracks.values())
         left = [track for track in tracks.values() if track.id not in taken]
-        _add_nearest(left, free, {index: hinted[index] for index in released}, rules, matched, refusals)
-    return Association(tracks=matched, refusals=refusals, released=frozenset(released))
+        _add_nearest(left, free, {index: hinted[index] for index in found.released}, rules, found)
+    return Association(tracks=found.tracks, refusals=found.refusals, released=frozenset(found.released))
+
+
+@dataclass(slots=True, kw_only=True)
+class _Found:
+    """An association in the making."""
+
+    tracks: dict[int, str] = field(default_factory=dict)
+    refusals: dict[int, Refusal]
+    released: set[int] = field(default_factory=set)
+
+
+def _follow_hints(
+    tracks: Mapping[str, Track],
+    scan: Sequence[Measurement],
+    hinted: Mapping[int, str],
+    suspects: Mapping[int, Refusal],
+    rules: TrackRules,
+    found: _Found,
+) -> None:
+    """Give measurements to the tracks their ids stand for, unless that is impossible."""
+    states: dict[int, State] = {}
+    for index, track_id in hinted.items():
+        measurement, track = scan[index], tracks[track_id]
+        state = state_before(track.steps, measurement.time_s)
+        if (refusal := _untimely(track, measurement, rules)) is not None:
+            found.refusals[index] = refusal
+        elif isinstance(measurement, Report) and surely_within(state, measurement, gate(measurement, rules), rules):
+            found.tracks[index] = track_id
+        else:
+            states[index] = state
+    if not states:
+        return
+    squared, _ = distances(list(states.values()), [scan[index] for index in states], rules)
+    for index, distance in zip(states, squared.tolist(), strict=True):
+        measurement, track = scan[index], tracks[hinted[index]]
+        if index in suspects and distance > gate(measurement, rules):
+            found.refusals[index] = suspects[index]
+        elif distance < impossible(measurement, rules):
+            found.tracks[index] = track.id
+        elif isinstance(measurement, Bearing) or _is_held_by_others(track, measurement, rules):
+            found.released.add(index)
+        elif (refusal := _out_of_reach(track, measurement, rules)) is not None:
+            found.refusals[index] = refusal
+        else:
+            found.tracks[index] = track.id
 
 
 def _hints(tracks: Mapping[str, Track], scan: Sequence[Measurement]) -> dict[int, str]:
@@ -112,8 +128,7 @@ def _add_nearest(
     scan: Mapping[int, Measurement],
     barred: Mapping[int, str],
     rules: TrackRules,
-    matched: dict[int, str],
-    refusals: dict[int, Refusal],
+    found: _Found,
 ) -> None:
     """Global nearest neighbour: the pairs inside their gates with the least sum of -2 log likelihood."""
     indices, measurements = list(scan), list(scan.values())
@@ -125,21 +140,21 @@ def _add_nearest(
             continue
         same_scan = _of_same_scan(track.steps, measurement, rules)
         if measurement in same_scan:
-            refusals[index] = _duplicate(track)
+            found.refusals[index] = _duplicate(track)
         elif not same_scan:
             cost[row, column] = value + (_SECOND_CHOICE if track.status is TrackStatus.TENTATIVE else 0.0)
     assigned_rows, assigned_columns = linear_sum_assignment(cost)
     for row, column in zip(assigned_rows.tolist(), assigned_columns.tolist(), strict=True):
         index = indices[row]
-        if cost[row, column] < _FORBIDDEN and index not in refusals:
+        if cost[row, column] < _FORBIDDEN and index not in found.refusals:
             refusal = _untimely(tracks[column], measurements[row], rules)
             if refusal is None:
-                matched[index] = tracks[column].id
+                found.tracks[index] = tracks[column].id
             else:
-                refusals[index] = refusal
+                found.refusals[index] = refusal
     for index, measurement in scan.items():
-        if isinstance(measurement, Bearing) and index not in matched and index not in refusals:
-            refusals[index] = Refusal(
+        if isinstance(measurement, Bearing) and index not in found.tracks and index not in found.refusals:
+            found.refusals[index] = Refusal(
                 RefusalKind.UNEXPLAINED, "direction", f"no known threat lies there, as {measurement.source!r} sees it"
             )
 
