@@ -77,32 +77,33 @@ def sensitivity(
     seed: Annotated[int, typer.Option(help="The same seed gives the same numbers.")] = 0,
     jobs: Annotated[int | None, typer.Option(help="Processes.", show_default="one per core")] = None,
     rounds: Annotated[int, typer.Option(help="Rounds of the placement search for each number of hosts.")] = 3,
-    out: Annotated[Path | None, typer.Option(help="Write a table here (Markdown).", show_default=False)] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the errors here.", show_default=False)] = None,
 ) -> None:
     """Vary what the letter does not state, one thing at a time, and print what becomes of its numbers."""
+    import json
+
     from hsop_gcs.study.results import Results
-    from hsop_gcs.study.sensitivity import table_line, table_title, variants
+    from hsop_gcs.study.sensitivity import outcome, table_line, table_title, variants
     from hsop_gcs.study.trial import Study
 
     counts = tuple(_whole(text, "--threats") for text in threats.split(","))
-    lines = [table_title()]
-    typer.echo(lines[0])
-    for name, assumptions, kinds in variants():
+    outcomes = []
+    typer.echo(table_title())
+    for variant in variants():
         study = Study(
             threats=counts,
             scenarios=scenarios,
             draws=draws,
             seed=seed,
             rounds=rounds,
-            kinds=kinds,
-            assumptions=assumptions,
+            kinds=variant.kinds,
+            assumptions=variant.assumptions,
         )
-        results = Results(study, None)
-        records, _ = _run(results, jobs, None)
-        lines.append(table_line(name, records))
-        typer.echo(lines[-1])
-    if out is not None:
-        _write(out, "\n".join(lines) + "\n")
+        records, _ = _run(Results(study, None), jobs, None)
+        outcomes.append(outcome(variant, records))
+        typer.echo(table_line(outcomes[-1]))
+    if json_file is not None:
+        _write(json_file, json.dumps([found.as_json() for found in outcomes], indent=1) + "\n")
 
 
 def _run(results: "Results", jobs: int | None, dask: str | None) -> "tuple[list[Record], float]":

@@ -48,11 +48,11 @@ def cover(problem: Problem, n_hosts: int, assumptions: Assumptions, rng: np.rand
         moved = reach_feasibility(instance, batch, views)
         inside = np.flatnonzero(margins(instance, moved, views, with_cost=False).margin >= INSIDE)
         if inside.size:
-            return _placement(problem, choice, moved[inside[0]])
+            return placement_of(problem, choice, moved[inside[0]])
     return None
 
 
-def _placement(problem: Problem, choice: Choice, poses: FloatArray) -> Placement:
+def placement_of(problem: Problem, choice: Choice, poses: FloatArray) -> Placement:
     """Name the hosts and value what they see; poses: (hosts, 4) east, north, heading, pan."""
     names = [f"h{k + 1}" for k in range(len(poses))]
     headings, pans = np.degrees(poses[:, 2]) % 360.0, np.degrees(poses[:, 3]) % 360.0
