@@ -1,23 +1,171 @@
 """What no placement can beat: a cost, and a number of hosts."""
 
+import heapq
 import itertools
 import math
+from concurrent.futures import Executor
 
 import numpy as np
 
-from hsop_gcs.placement.search.model import Question
+from hsop_gcs.placement.search.compiled import kernel, lean_kernel
+from hsop_gcs.placement.search.model import CENTRAL, Floats, Question, pair_cost, path_offset, threat_cost
+
+FEW_BOXES = 80_000
+"""Pairs of boxes looked at for a first bound, all threats together; a few hundredths of a second."""
+MANY_BOXES = 300_000
+"""And per threat for a proof."""
 
 
-def lower_bound(q: Question) -> float:
+def lower_bound(q: Question, executor: Executor, *, thorough: bool) -> float:
     """Return a cost that no placement goes below, whatever the number of hosts.
 
-    The sum over threats of what each would cost with two hosts at the safety distance from both of its points, the
-    sharper camera, right angles. Sharing hosts between threats only adds constraints.
+    The sum over threats of the least that a pair of hosts of its own can cost: sharing hosts between threats only adds
+    constraints. Each term is proven by branch and bound over boxes for the two hosts.
     """
-    factor = (q.factor * (q.safety_m if q.rms else q.safety_m**2)).min(axis=0)
-    if q.rms:
-        return float((q.weight * np.sqrt(2.5 * factor**2)).sum())
-    return float((q.weight * 2 * factor**2).sum())
+    threats = range(len(q.weight))
+    most = MANY_BOXES if thorough else max(4_000, FEW_BOXES // len(threats))
+    return float(sum(executor.map(lambda threat: own_pair_bound(q, threat, most), threats)))
+
+
+@lean_kernel
+def factor_bound(q: Question, threat: int, camera: int, x: float, y: float, radius: float, k: int) -> float:
+    """Return the least factor of a camera anywhere in a disc, at one point of a threat; infinite out of range."""
+    away = math.hypot(q.points_m[threat, k, 0] - x, q.points_m[threat, k, 1] - y)
+    nearest = max(q.safety_m, away - radius)
+    if nearest > q.range_m[camera, threat] * largest_size(q, camera):
+        return math.inf
+    scale = 1.0 if q.rms else largest_size(q, camera)
+    return float(q.factor[camera, threat] * (nearest if q.rms else nearest * nearest) / scale)
+
+
+@lean_kernel
+def largest_size(q: Question, camera: int) -> float:
+    """Return a bound on the relative size of an image: distortion can make it larger off the axis than on it."""
+    if camera == CENTRAL:
+        return 1.0
+    size = 1.0
+    power = 1.0
+    for n in range(4):
+        power *= 0.25 * math.pi * math.pi
+        size += max(0.0, q.distortion[n]) * power
+    return size
+
+
+@lean_kernel
+def spread(x: float, y: float, radius: float) -> float:
+    """Return by how much the bearing of a point at (x, y) varies when it is seen from anywhere in a disc about 0."""
+    away = math.hypot(x, y)
+    return math.pi if away <= radius else math.asin(radius / away)
+
+
+@lean_kernel
+def fits_window(q: Question, threat: int, x: float, y: float, radius: float) -> bool:
+    """Return whether somewhere in a disc both points of a threat may lie within the field of view."""
+    ax, ay = q.points_m[threat, 0, 0] - x, q.points_m[threat, 0, 1] - y
+    bx, by = q.points_m[threat, 1, 0] - x, q.points_m[threat, 1, 1] - y
+    angle = abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
+    return angle - spread(ax, ay, radius) - spread(bx, by, radius) <= q.fov_rad
+
+
+@lean_kernel
+def allowed(q: Question, threat: int, x: float, y: float, radius: float) -> bool:
+    """Return whether a disc reaches out of the threat's own safety zone."""
+    if q.whole_path:
+        ox, oy, _ = path_offset(q, threat, x, y, q.points_m[threat, 0, 2])
+        return math.hypot(ox, oy) + radius >= q.safety_m
+    for k in range(2):
+        if math.hypot(q.points_m[threat, k, 0] - x, q.points_m[threat, k, 1] - y) + radius < q.safety_m:
+            return False
+    return True
+
+
+@lean_kernel
+def box_bound(q: Question, threat: int, box: Floats) -> float:
+    """Return a cost that no two hosts go below, one in each of two squares (centre, centre, half widths)."""
+    x, y, u, v = box[0], box[1], box[2], box[3]
+    r, s = box[4] * math.sqrt(2.0), box[5] * math.sqrt(2.0)
+    if not allowed(q, threat, x, y, r) or not allowed(q, threat, u, v, s):
+        return math.inf
+    first, second = 0.0, 0.0
+    sines = (1.0, 1.0)
+    for k in range(2):
+        px, py = q.points_m[threat, k, 0], q.points_m[threat, k, 1]
+        ax, ay, bx, by = px - x, py - y, px - u, py - v
+        angle = abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
+        angle = min(angle, math.pi - angle)
+        sine = math.sin(min(0.5 * math.pi, angle + spread(ax, ay, r) + spread(bx, by, s)))
+        sines = (sine, sines[1]) if k == 0 else (sines[0], sine)
+    best = math.inf
+    for camera in range(2):
+        if camera == CENTRAL and not fits_window(q, threat, x, y, r):
+            continue
+        for other in range(2):
+            if other == CENTRAL and not fits_window(q, threat, u, v, s):
+                continue
+            total = 0.0
+            for k in range(2):
+                first = factor_bound(q, threat, camera, x, y, r, k)
+                second = factor_bound(q, threat, other, u, v, s, k)
+                if first == math.inf or second == math.inf:
+                    total = math.inf
+                else:
+                    total += pair_cost(q, first, second, sines[k])
+            best = min(best, total)
+    return math.inf if best == math.inf else threat_cost(q, threat, best)
+
+
+@lean_kernel
+def mirrored(box: Floats, middle_x: float, middle_y: float, along_x: float, along_y: float) -> bool:
+    """Return whether everything in the two squares has its equal elsewhere.
+
+    Hosts are alike, so the first one may be the one farther from the path's middle, along it; and with mirror images
+    along and across the path alike, it may be ahead of the middle and on the left.
+    """
+    skew = abs(along_x) + abs(along_y)
+    x, y = box[0] - middle_x, box[1] - middle_y
+    ahead = x * along_x + y * along_y
+    left = y * along_x - x * along_y
+    other = abs((box[2] - middle_x) * along_x + (box[3] - middle_y) * along_y)
+    first, second = box[4] * skew, box[5] * skew
+    return float(ahead + first < 0 or left + first < 0 or abs(ahead) + first < other - second)
+
+
+@kernel
+def own_pair_bound(q: Question, threat: int, most_boxes: int) -> float:
+    """Return a lower bound on a threat's cost with any two hosts: best-first branch and bound, plane geometry.
+
+    Boxes that hold no allowed position, or see nothing, are infinite; the bound is the least among the boxes left.
+    """
+    middle_x = 0.5 * (q.points_m[threat, 0, 0] + q.points_m[threat, 1, 0])
+    middle_y = 0.5 * (q.points_m[threat, 0, 1] + q.points_m[threat, 1, 1])
+    along_x = q.points_m[threat, 1, 0] - q.points_m[threat, 0, 0]
+    along_y = q.points_m[threat, 1, 1] - q.points_m[threat, 0, 1]
+    length = math.hypot(along_x, along_y)
+    along_x, along_y = (along_x / length, along_y / length) if length > 0 else (1.0, 0.0)
+    reach = 0.0
+    for camera in range(2):
+        reach = max(reach, q.range_m[camera, threat] * largest_size(q, camera))
+    boxes = np.empty((most_boxes + 4, 6))
+    boxes[0] = np.array([middle_x, middle_y, middle_x, middle_y, reach, reach])
+    count = 1
+    queue = [(box_bound(q, threat, boxes[0]), 0)]
+    while queue and queue[0][0] < math.inf and count + 4 <= most_boxes:
+        _, index = heapq.heappop(queue)
+        which = 0 if boxes[index, 4] >= boxes[index, 5] else 1
+        half = 0.5 * boxes[index, 4 + which]
+        for corner in range(4):
+            box = boxes[count]
+            box[:] = boxes[index]
+            box[2 * which] += half if corner % 2 == 0 else -half
+            box[2 * which + 1] += half if corner // 2 == 0 else -half
+            box[4 + which] = half
+            if mirrored(box, middle_x, middle_y, along_x, along_y):
+                continue
+            bound = box_bound(q, threat, box)
+            if bound < math.inf:
+                heapq.heappush(queue, (bound, count))
+                count += 1
+    return queue[0][0] if queue else math.inf
 
 
 def fewest_hosts(q: Question) -> int:
@@ -26,7 +174,7 @@ def fewest_hosts(q: Question) -> int:
     Two threats with points farther apart than the sum of their ranges share no host; each of a set of such threats
     needs two of its own. The set is grown greedily from every threat.
     """
-    reach = q.range_m.max(axis=0)
+    reach = q.range_m.max(axis=0) * np.maximum(1.0, largest_size(q, 0))
     count = len(reach)
     apart = np.zeros((count, count), dtype=bool)
     for i, j in itertools.combinations(range(count), 2):

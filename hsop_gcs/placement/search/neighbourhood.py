@@ -40,6 +40,13 @@ def mark_nearest(q: Question, s: State, threat: int, count: int, marks: Ints) ->
 
 
 @kernel
+def costlier(s: State, chance: Chance) -> int:
+    """Draw two threats and return the costlier one."""
+    first, second = below(chance, s.cost.shape[0]), below(chance, s.cost.shape[0])
+    return first if s.cost[first] >= s.cost[second] else second
+
+
+@kernel
 def marked(marks: Ints) -> Ints:
     """Return the indices of the ones."""
     return np.nonzero(marks)[0].astype(np.int64)
@@ -65,6 +72,14 @@ def fresh(
 
 
 @kernel
+def shake(q: Question, s: State, trial: State, moves: int, hot: float, reach_m: float, chance: Chance) -> None:
+    """Anneal all of ``trial`` again from a moderate temperature, leaving the polished result in ``s``."""
+    hosts = np.arange(s.degree.shape[0])
+    anneal(q, trial, s, hosts, np.arange(s.pairs.shape[0]), moves, hot, 1e-3, reach_m, MENDING_STIFFNESS, chance)
+    polish(q, s, np.ones(hosts.size, np.int64), POLISH_STEPS)
+
+
+@kernel
 def improve(
     q: Question, s: State, trial: State, best: State, rounds: int, moves_per_host: int, reach_m: float, chance: Chance
 ) -> int:
@@ -74,8 +89,8 @@ def improve(
     helped = 0
     for _ in range(rounds):
         marks = np.zeros(hosts, np.int64)
-        mark_nearest(q, s, below(chance, threats), 2 + below(chance, 4), marks)
-        if uniform(chance) < 0.4:
+        mark_nearest(q, s, costlier(s, chance), 2 + below(chance, 4), marks)
+        if uniform(chance) < 0.5:
             mark_nearest(q, s, below(chance, threats), 1 + below(chance, 3), marks)
         chosen = marked(marks)
         inside = np.zeros(threats, np.int64)

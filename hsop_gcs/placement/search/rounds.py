@@ -4,19 +4,27 @@ What a task does depends only on its seed, its place in the course and the pool 
 decides how many rounds there are and nothing else.
 """
 
+import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 from hsop_gcs.placement.search.anneal import State, copy_state, keep_clear, new_state, refresh, totals
+from hsop_gcs.placement.search.chance import State as Chance
 from hsop_gcs.placement.search.chance import seeded
 from hsop_gcs.placement.search.model import Question
-from hsop_gcs.placement.search.neighbourhood import fresh, improve
+from hsop_gcs.placement.search.neighbourhood import fresh, improve, shake
 
 LANES = 2
 POOL = 8
-FRESH_MOVES = 20_000
+STARTS = 6
+START_MOVES = 8_000
+SHAKE_MOVES = 20_000
 ROUND_MOVES = 40_000
+"""Moves per task, about: some hundredths of a second."""
 MOVES_PER_HOST = 600
+MEAN_NEIGHBOURHOOD = 4.5
+REACH_M = 25.0
+"""The longest steps of hosts at the start of an anneal."""
 
 
 class Pool:
@@ -61,9 +69,8 @@ class Course:
         self.pool = Pool()
         self.round = 0
         self._scratch = [[new_state(len(q.weight), n_hosts) for _ in range(3)] for _ in range(LANES)]
-        self._reach_m = 25.0
-        neighbourhood_moves = 4.5 * MOVES_PER_HOST
-        self._tries = max(3, round(ROUND_MOVES / neighbourhood_moves))
+        self._tries = round(ROUND_MOVES / (MEAN_NEIGHBOURHOOD * MOVES_PER_HOST))
+        self._warm = False
 
     def start_from(self, state: State) -> None:
         """Put a state into the pool; broken safety distances are mended first."""
@@ -72,6 +79,7 @@ class Course:
             keep_clear(self.q, mended, host)
         refresh(self.q, mended)
         self.pool.offer(self.q, mended)
+        self._warm = True
 
     def advance(self, executor: ThreadPoolExecutor) -> bool:
         """Run one round; True if there is a new best."""
@@ -85,26 +93,39 @@ class Course:
         chance = seeded(self.seed, self.n_hosts, self.round, lane)
         step = self.round % 8
         states = self.pool.states
-        if not states or (self.round < 3 and self.pool.best is None) or (lane == 1 and step in (2, 6)):
-            fresh(self.q, state, trial, FRESH_MOVES, 0.5, 1e-3, self._reach_m, chance)
-            improve(self.q, state, trial, spare, self._tries, MOVES_PER_HOST, self._reach_m, chance)
-            return state
-        choice = 0 if lane == 0 or step % 2 == 0 else (self.round // 2) % len(states)
-        copy_state(states[choice], state)
-        improve(self.q, state, trial, spare, 2 * self._tries, MOVES_PER_HOST, self._reach_m, chance)
+        if not states or (self.round < 3 and not (self._warm and lane == 0)) or step == (7 if lane == 0 else 5):
+            if self._warm and self.round == 0:
+                copy_state(states[0], trial)
+                shake(self.q, state, trial, SHAKE_MOVES, 0.2, REACH_M, chance)
+            else:
+                self._start(state, trial, spare, chance)
+        else:
+            choice = 0 if lane == 0 or step % 2 == 0 else (self.round // 2) % len(states)
+            copy_state(states[choice], state)
+        improve(self.q, state, trial, spare, self._tries, MOVES_PER_HOST, REACH_M, chance)
         return state
+
+    def _start(self, state: State, trial: State, spare: State, chance: Chance) -> None:
+        """Leave the best of some short anneals from random poses in ``state``."""
+        least = (math.inf, math.inf)
+        for _ in range(STARTS):
+            fresh(self.q, spare, trial, START_MOVES, 0.5, 1e-3, REACH_M, chance)
+            cost, violation = totals(self.q, spare)
+            if (violation, cost) < least:
+                least = (violation, cost)
+                copy_state(spare, state)
 
 
 def run(
     course: Course, executor: ThreadPoolExecutor, *, deadline: float, now: Callable[[], float], rounds: int | None
 ) -> None:
-    """Advance until the deadline is near, or exactly so many rounds; at least one round is run."""
+    """Advance until the deadline is near, at most so many rounds; the course's first round is always run."""
     count, slowest = 0, 0.0
     while True:
         started = now()
         if rounds is not None and count >= rounds:
             return
-        if rounds is None and count > 0 and started + slowest > deadline:
+        if course.round > 0 and started + slowest > deadline:
             return
         course.advance(executor)
         count += 1

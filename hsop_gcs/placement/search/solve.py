@@ -17,6 +17,9 @@ from hsop_gcs.placement.search.rounds import LANES, Course, run
 from hsop_gcs.placement.solution import Placement, Status
 
 PROVEN_GAP = 1e-3
+ROUNDS_BEFORE_PROOF = 3
+WORTH_A_PROOF = 1.1
+"""A placement within this factor of the first bound may be optimal: then a thorough bound is worth its time."""
 FEASIBILITY_ROUNDS = 4
 """How many rounds without a valid placement it takes to try one host more."""
 
@@ -39,6 +42,8 @@ def search(
     placement; more time only improves it.
     """
     started = now()
+    if iterations is not None:
+        deadline = math.inf
     frame = frame_of(problem)
     q = question_of(problem, frame)
     most = most_hosts(problem)
@@ -51,11 +56,13 @@ def search(
                 course.start_from(state_of(problem, frame, q, warm_start, count))
             if n_hosts is not None or _found(course, executor, deadline, now):
                 break
+        bound = lower_bound(q, executor, thorough=False)
         if course is not None:
-            remaining = None if iterations is None else max(0, iterations - course.round)
-            run(course, executor, deadline=deadline, now=now, rounds=remaining)
+            rounds_left = None if iterations is None else max(0, iterations - course.round)
+            bound = _run_until_proven(course, executor, deadline, now, rounds_left, bound)
     best = None if course is None else course.pool.best
-    return _answer(problem, frame, q, best, seed, now() - started, n_hosts, most)
+    answer = _answer(problem, frame, q, best, bound, seed, now() - started, n_hosts, most)
+    return replace(answer, iterations=0 if course is None else course.round)
 
 
 def frontier(
@@ -73,6 +80,8 @@ def frontier(
     own; so the cost never rises with the number of hosts. Numbers without a placement are left out.
     """
     started = now()
+    if iterations is not None:
+        deadline = math.inf
     frame = frame_of(problem)
     q = question_of(problem, frame)
     most = most_hosts(problem)
@@ -100,6 +109,7 @@ def frontier(
                     break
             rounds += 1
             slowest = max(0.7 * slowest, now() - began) / max(1, len(courses))
+        bound = lower_bound(q, executor, thorough=iterations is not None or now() < deadline)
     answers = {}
     for count, course in courses.items():
         below = courses.get(count - 1)
@@ -107,7 +117,7 @@ def frontier(
             for state in with_another_host(q, below.pool.best):
                 course.start_from(state)
         if course.pool.best is not None:
-            answers[count] = _answer(problem, frame, q, course.pool.best, seed, now() - started, count, most)
+            answers[count] = _answer(problem, frame, q, course.pool.best, bound, seed, now() - started, count, most)
     return answers
 
 
@@ -161,17 +171,38 @@ def _found(course: Course, executor: ThreadPoolExecutor, deadline: float, now: C
     return course.pool.best is not None
 
 
+def _run_until_proven(
+    course: Course,
+    executor: ThreadPoolExecutor,
+    deadline: float,
+    now: Callable[[], float],
+    rounds: int | None,
+    bound: float,
+) -> float:
+    """Run the course to its end, or until its best is proven optimal. Returns the bound, raised for a proof."""
+    first = ROUNDS_BEFORE_PROOF if rounds is None else min(rounds, ROUNDS_BEFORE_PROOF)
+    run(course, executor, deadline=deadline, now=now, rounds=first)
+    best = course.pool.best
+    if best is not None and best.cost.sum() <= bound * WORTH_A_PROOF and now() < deadline:
+        bound = lower_bound(course.q, executor, thorough=True)
+        if best.cost.sum() <= bound * (1 + PROVEN_GAP):
+            return bound
+    rest = None if rounds is None else rounds - first
+    run(course, executor, deadline=deadline, now=now, rounds=rest)
+    return bound
+
+
 def _answer(
     problem: Problem,
     frame: Frame,
     q: Question,
     best: State | None,
+    bound: float,
     seed: int,
     elapsed_s: float,
     n_hosts: int | None,
     most: int,
 ) -> Placement:
-    bound = lower_bound(q)
     if best is None:
         asked = "any number of hosts" if n_hosts is None else f"{n_hosts} hosts"
         reason = f"no placement of {asked} that sees every threat was found ({most} can be used)"

@@ -1,21 +1,25 @@
 """Bounds hold for whatever is placed at random."""
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
 from hsop_gcs.placement.problem import Formulation, Problem, Threat
-from hsop_gcs.placement.search.bounds import fewest_hosts, lower_bound
+from hsop_gcs.placement.search.anneal import new_state, refresh, set_view, totals
+from hsop_gcs.placement.search.bounds import fewest_hosts, lower_bound, own_pair_bound
 from hsop_gcs.placement.search.question import frame_of, question_of
 from hsop_gcs.placement.search.solve import search
+from hsop_gcs.placement.solution import Status
 from tests.placement.examples import random_threats
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_no_placement_goes_below_the_bound(seed: int) -> None:
     problem = Problem(threats=random_threats(2, np.random.default_rng(seed)), formulation=Formulation.LETTER)
-    bound = lower_bound(question_of(problem, frame_of(problem)))
+    with ThreadPoolExecutor(1) as executor:
+        bound = lower_bound(question_of(problem, frame_of(problem)), executor, thorough=False)
     placement = search(problem, n_hosts=4, seed=seed, deadline=math.inf, now=lambda: 0.0, iterations=2)
     assert placement.cost is not None
     assert 0 < bound <= placement.cost
@@ -32,3 +36,39 @@ def test_threats_side_by_side_need_no_more_than_two_hosts() -> None:
     threats = tuple(Threat(id=f"t{k}", position_m=(10.0 * k, 0.0, 0.0)) for k in range(4))
     problem = Problem(threats=threats, formulation=Formulation.LETTER)
     assert fewest_hosts(question_of(problem, frame_of(problem))) == 2
+
+
+@pytest.mark.parametrize("formulation", list(Formulation))
+@pytest.mark.parametrize("speed_mps", [0.5, 1.7, 2.9, 4.6])
+def test_no_two_hosts_at_random_places_go_below_a_threats_bound(formulation: Formulation, speed_mps: float) -> None:
+    threat = Threat(id="a", position_m=(3.0, 4.0, 0.0), velocity_mps=(0.6 * speed_mps, -0.8 * speed_mps, 0.0))
+    problem = Problem(threats=(threat,), formulation=formulation)
+    q = question_of(problem, frame_of(problem))
+    rng = np.random.default_rng(0)
+    bound = own_pair_bound(q, 0, 5_000)
+    assert bound <= own_pair_bound(q, 0, 50_000)
+    bound = own_pair_bound(q, 0, 50_000)
+    state, valid = new_state(1, 2), 0
+    for end in range(2):
+        set_view(state, 0, end, end, 0)
+    for _ in range(20_000):
+        state.positions[:, :2] = rng.uniform(-60, 60, (2, 2))
+        angles = rng.uniform(0, 2 * np.pi, 2)
+        state.axes[:, 0], state.axes[:, 1] = np.sin(angles), np.cos(angles)
+        state.cameras[0] = rng.integers(0, 2, 2)
+        refresh(q, state)
+        cost, violation = totals(q, state)
+        valid += violation == 0
+        assert violation > 0 or cost >= bound
+    assert valid > 10
+
+
+def test_two_hosts_per_threat_are_proven_optimal_in_the_letters_problem() -> None:
+    threats = tuple(
+        Threat(id=f"t{k}", position_m=(30.0 * k, 10.0 * k, 0.0), velocity_mps=(1.0, -1.5, 0.0)) for k in range(2)
+    )
+    problem = Problem(threats=threats, formulation=Formulation.LETTER)
+    placement = search(problem, n_hosts=4, seed=0, deadline=math.inf, now=lambda: 0.0, iterations=8)
+    assert placement.status is Status.OPTIMAL
+    assert placement.cost is not None
+    assert placement.lower_bound <= placement.cost <= 1.001 * placement.lower_bound
