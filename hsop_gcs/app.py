@@ -1,32 +1,52 @@
 """The composition root: settings become objects, which start and stop in order."""
 
 import asyncio
+import logging
 import signal
 import socket
 import time
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import AsyncExitStack, asynccontextmanager, contextmanager
+from pathlib import Path
 
 import uvicorn
 
 from hsop_gcs.api import create_api
 from hsop_gcs.errors import Unavailable
+from hsop_gcs.journal import Journal
 from hsop_gcs.link.pump import Link
 from hsop_gcs.mission.controller import Mission
+from hsop_gcs.mission.records import recover
 from hsop_gcs.mission.solver import Solver
 from hsop_gcs.settings import Settings
+
+log = logging.getLogger(__name__)
 
 
 @asynccontextmanager
 async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
-    """Open the link and the solver and keep the mission moving; everything is closed on the way out."""
+    """Open journal, link and solver and keep the mission moving; everything is closed on the way out."""
     fleet = settings.to_fleet()
     endpoints = sorted({host.connection for host in fleet.hosts})
     async with AsyncExitStack() as stack:
+        journal, recovered = None, None
+        if settings.service.journal is not None:
+            path = Path(settings.service.journal)
+            journal = stack.enter_context(Journal(path))
+            recovered = recover(path)
+            if journal.repair is not None:
+                log.warning("journal %s: its last line was torn; %d bytes were cut off", path, journal.repair.bytes_cut)
         solver = await stack.enter_async_context(Solver())
         link = await stack.enter_async_context(Link(endpoints, [host.system_id for host in fleet.hosts]))
         mission = Mission(
-            fleet=fleet, site=settings.to_site(), link=link, solver=solver, clock=time.time, rules=settings.to_rules()
+            fleet=fleet,
+            site=settings.to_site(),
+            link=link,
+            solver=solver,
+            clock=time.time,
+            rules=settings.to_rules(),
+            recovered=recovered,
+            journal=journal,
         )
         runner = asyncio.create_task(mission.run())
         try:

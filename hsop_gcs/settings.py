@@ -42,6 +42,8 @@ class ServiceSection(_Section):
     port: Annotated[int, Field(ge=0, le=65535)] = 8080
     autonomy: Autonomy = Autonomy.CONFIRM
     max_body_bytes: Annotated[int, Field(gt=0)] = 1_000_000
+    journal: Annotated[str, Field(min_length=1)] | None = None
+    """Where everything that happens is written down; a mission found there goes on. None: nowhere."""
 
 
 class PlanningSection(_Section):

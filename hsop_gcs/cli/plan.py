@@ -31,13 +31,14 @@ def register(app: typer.Typer) -> None:
             str, typer.Option(help="letter: its Eq. 8; rms: the predicted error (method search).")
         ] = "letter",
         method: Annotated[
-            str, typer.Option(help="letter; coverage-only, its baseline; search, the global one.")
-        ] = "letter",
+            str | None,
+            typer.Option(help="search, the global one; letter; coverage-only, its baseline.", show_default="search"),
+        ] = None,
         initial_observers: Annotated[
             bool,
             typer.Option("--initial-observers", help="Only the letter's pairs: every threat keeps its nearest host."),
         ] = False,
-        time_limit: Annotated[float, typer.Option(help="Seconds of solving at most.")] = 10.0,
+        time_limit: Annotated[float, typer.Option(help="Seconds of solving at most.")] = 1.0,
         seed: Annotated[int, typer.Option(help="The same seed gives the same plan.")] = 0,
         as_json: Annotated[bool, typer.Option("--json", help="Print the plan file instead of the table.")] = False,
         output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the plan file here.")] = None,
@@ -71,7 +72,7 @@ def register(app: typer.Typer) -> None:
             seed=seed,
             time_limit_s=time_limit,
             now=time.monotonic,
-            method=Method(_one_of("--method", method, list(Method))),
+            method=None if method is None else Method(_one_of("--method", method, list(Method))),
             initial_observers=initial_observers,
         )
         text = json.dumps(plan_to_json(placement), indent=2)

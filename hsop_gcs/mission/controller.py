@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hsop_gcs.assignment import Mover, clearance_m
+from hsop_gcs.assignment import Mover, safe_route
 from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.errors import NotKnown, Refused, Unavailable
 from hsop_gcs.fleet import Fleet, Host
@@ -33,6 +33,7 @@ from hsop_gcs.mission.core import (
     PlanFlew,
     ReportsArrived,
     Rules,
+    SolverAsked,
     ThreatDismissed,
     TimePassed,
     apply,
@@ -56,6 +57,7 @@ _EVENTS_KEPT = 500
 _LEG_REACHED_M = 3.0
 """So near to a point of its route a host is sent on; routes keep more than this in hand."""
 _LEG_DEADLINE_S = 5.0
+_TRY_AGAIN_S = 1.0
 
 log = logging.getLogger(__name__)
 
@@ -101,6 +103,7 @@ class Mission:
         self._solver = solver
         self._solving: asyncio.Task[None] | None = None
         self._changed = asyncio.Event()
+        self._next_flight_s = 0.0
         self._take(MissionStarted(time_s=clock(), rules=rules or Rules()))
 
     # What consoles ask for
@@ -203,6 +206,7 @@ class Mission:
     def _advance(self, tasks: asyncio.TaskGroup) -> None:
         now_s = self.clock()
         self._age(now_s)
+        self._fly_unasked(now_s)
         self._fly_on(now_s)
         self._follow_threats(now_s)
         if self._solving is None:
@@ -211,8 +215,9 @@ class Mission:
             available = frozenset(mover.id for mover in movers)
             reason = replan_reason(self.state.plans, tracks, available, now_s, self.state.rules.replanning)
             if reason is not None:
-                asked = situation(self.state, movers, now_s)
-                self._solving = tasks.create_task(self._solve(asked, reason))
+                asked = SolverAsked(time_s=now_s, trigger=reason, situation=situation(self.state, movers, now_s))
+                self._take(asked)
+                self._solving = tasks.create_task(self._solve(asked.situation))
 
     def _age(self, now_s: float) -> None:
         before = self.state.picture.tracks
@@ -229,16 +234,11 @@ class Mission:
             if aim is not None:
                 self.link.follow(host.system_id, aim)
 
-    async def _solve(self, asked: Situation, reason: str) -> None:
+    async def _solve(self, asked: Situation) -> None:
         try:
             decision = await self._solver.decide(asked, self.state.rules.planning)
             self.solver_fault = None
-            self._take(DecisionMade(time_s=self.clock(), trigger=reason, situation=asked, decision=decision))
-            proposed = self.state.plans.proposed
-            if self.state.autonomy is Autonomy.AUTO and proposed is not None:
-                self._fly(proposed)
-        except Refused as error:
-            log.warning("plan does not fly: %s", error)
+            self._take(DecisionMade(time_s=self.clock(), decision=decision))
         except Exception as error:  # whatever the solver does, the service goes on and says so
             self.solver_fault = f"{type(error).__name__}: {error}"
             log.exception("the solver failed")
@@ -255,19 +255,37 @@ class Mission:
             raise Refused(f"plan {plan.id} ran out {now_s - plan.expires_at_s:.1f} s ago")
         movers = {mover.id: mover for mover in self._movers()}
         threats = situation(self.state, (), now_s).threats
+        via_m = {}
         for order in plan.decision.orders:
             if order.host not in movers:
                 raise Refused(f"host {order.host}: {self.unavailable().get(order.host, 'not available')}")
-            route_m = (*order.via_m, order.position_m)
-            clear_m = clearance_m(movers[order.host], route_m, threats, horizon_s=planning.horizon_s)
-            if clear_m < planning.safety_distance_m:
+            route = safe_route(
+                movers[order.host],
+                order.position_m,
+                threats,
+                horizon_s=planning.horizon_s,
+                safety_distance_m=planning.safety_distance_m,
+            )
+            if route is None:
                 raise Refused(
-                    f"host {order.host} would pass within {clear_m:.1f} m of a threat;"
-                    f" the safety distance is {planning.safety_distance_m:g} m"
+                    f"host {order.host} has no way to its hover point that stays {planning.safety_distance_m:g} m from"
+                    " all threats any more"
                 )
-        self._take(PlanFlew(time_s=now_s, plan_id=plan.id))
+            via_m[order.host] = route.points_m[:-1]
+        self._take(PlanFlew(time_s=now_s, plan_id=plan.id, via_m=via_m))
         for order in plan.decision.orders:
             self._send(self.state.progress[order.host], for_s=plan.expires_at_s - now_s)
+
+    def _fly_unasked(self, now_s: float) -> None:
+        """In auto, let a proposal fly as soon as it can."""
+        proposed = self.state.plans.proposed
+        if self.state.autonomy is not Autonomy.AUTO or proposed is None or now_s < self._next_flight_s:
+            return
+        try:
+            self._fly(proposed)
+        except Refused as error:
+            self._next_flight_s = now_s + _TRY_AGAIN_S
+            log.warning("plan %s does not fly: %s", proposed.id, error)
 
     def _fly_on(self, now_s: float) -> None:
         """Send hosts that have come near a point of their route to the next one."""

@@ -1,6 +1,6 @@
 """The mission as a fold: whatever happens to it is an ``Input``, and ``apply`` gives the mission after it.
 
-    MissionStarted ─ ReportsArrived ─ TimePassed ─ DecisionMade ─ PlanFlew ─ HostSpoke ─ ThreatDismissed ─ HostsHeld ...
+    MissionStarted ─ ReportsArrived ─ TimePassed ─ SolverAsked ─ DecisionMade ─ PlanFlew ─ HostSpoke ─ HostsHeld ...
          │                │               │              │            │           │              │
          └────────────────┴───────────────┴── apply ─────┴────────────┴───────────┴──────────────┘
                                              Mission, Mission, Mission, ...
@@ -72,11 +72,17 @@ class TimePassed(Input):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DecisionMade(Input):
-    """The solver answered: ``trigger`` says why it was asked."""
+class SolverAsked(Input):
+    """A plan was due: ``trigger`` says why, the situation is all that the solver is told."""
 
     trigger: str
     situation: Situation
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DecisionMade(Input):
+    """The solver's answer to what it was asked last."""
+
     decision: Decision
 
 
@@ -85,6 +91,8 @@ class PlanFlew(Input):
     """The proposed plan was approved and its orders are about to be sent."""
 
     plan_id: str
+    via_m: Mapping[str, tuple[Point, ...]]
+    """Each host's way past threats, from where it is now."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,6 +135,8 @@ class MissionState:
     plans: Plans = field(default_factory=Plans)
     progress: Mapping[str, OrderProgress] = field(default_factory=lambda: MappingProxyType({}))
     """The newest order of each host."""
+    asked: SolverAsked | None = None
+    """What the solver is working on."""
     dismissed: Mapping[tuple[str, str], float] = field(default_factory=lambda: MappingProxyType({}))
     """Sources' own ids whose reports are refused, and until when."""
 
@@ -143,12 +153,12 @@ def apply(mission: MissionState, given: Input) -> MissionState:
             return _with_picture(mission, picture)
         case ThreatDismissed(threat_id=threat_id):
             return _without(mission, threat_id, time_s=given.time_s)
-        case DecisionMade(trigger=trigger, decision=decision, time_s=time_s):
-            horizon_s = mission.rules.planning.horizon_s
-            plans = with_decision(mission.plans, decision, trigger=trigger, now_s=time_s, horizon_s=horizon_s)
-            return replace(mission, plans=plans)
-        case PlanFlew():
-            return _with_plan_flying(mission)
+        case SolverAsked():
+            return replace(mission, asked=given)
+        case DecisionMade():
+            return _with_decision(mission, given)
+        case PlanFlew(via_m=via_m):
+            return _with_plan_flying(mission, via_m)
         case LegFlown(host=host):
             progress = mission.progress[host]
             return _with_progress(mission, host, replace(progress, leg=progress.leg + 1))
@@ -202,14 +212,18 @@ def situation(mission: MissionState, movers: tuple[Mover, ...], now_s: float) ->
     )
 
 
-def order_id(plan_id: str, host: str) -> str:
-    """Return the name of a plan's order to a host."""
-    return f"{plan_id}/{host}"
-
-
 def _with_picture(mission: MissionState, picture: Picture) -> MissionState:
     plans = mission.plans if picture.tracks else without_threats(mission.plans)
     return replace(mission, picture=picture, plans=plans)
+
+
+def _with_decision(mission: MissionState, given: DecisionMade) -> MissionState:
+    if mission.asked is None:
+        raise ValueError("a decision that nobody asked for")
+    horizon_s = mission.rules.planning.horizon_s
+    trigger = mission.asked.trigger
+    plans = with_decision(mission.plans, given.decision, trigger=trigger, now_s=given.time_s, horizon_s=horizon_s)
+    return replace(mission, plans=plans, asked=None)
 
 
 def _without(mission: MissionState, threat_id: str, *, time_s: float) -> MissionState:
@@ -219,12 +233,14 @@ def _without(mission: MissionState, threat_id: str, *, time_s: float) -> Mission
     return _with_picture(mission, dismiss(mission.picture, threat_id))
 
 
-def _with_plan_flying(mission: MissionState) -> MissionState:
+def _with_plan_flying(mission: MissionState, via_m: Mapping[str, tuple[Point, ...]]) -> MissionState:
     plans = with_proposal_flying(mission.plans)
     plan = plans.flying
     assert plan is not None
     new = {
-        order.host: OrderProgress(order_id=order_id(plan.id, order.host), plan_id=plan.id, order=order)
+        order.host: OrderProgress(
+            order_id=f"{plan.id}/{order.host}", plan_id=plan.id, order=replace(order, via_m=via_m[order.host])
+        )
         for order in plan.decision.orders
     }
     return replace(mission, plans=plans, progress=MappingProxyType({**mission.progress, **new}))

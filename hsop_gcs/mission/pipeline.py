@@ -66,33 +66,55 @@ class Decision:
     """When the hosts can have arrived: the placement holds from here for one horizon."""
     orders: tuple[HostOrder, ...] = ()
     reason: str = ""
+    iterations: tuple[int, ...] = ()
+    """Of the placements it took: what makes the decision again."""
     keeps: bool = False
     """The flying plan still does: its hosts stay, only their cameras turn on."""
 
 
-def decide(situation: Situation, rules: PlanningRules, *, now: Callable[[], float]) -> Decision:
+def decide(
+    situation: Situation,
+    rules: PlanningRules,
+    *,
+    now: Callable[[], float],
+    iterations: tuple[int, ...] = (),
+) -> Decision:
     """Place hosts for the moment at which they can be there, and say who flies where.
 
     The travel time is guessed from the distances to the threats; when the placement shows that the slowest host needs
     longer, it is made once more for that moment. The plan that flies is kept if it still holds and the new one is not
-    better by more than the rules' margin. ``now``: the clock that limits the solver, seconds.
+    better by more than the rules' margin. ``now``: the clock that limits the solver, seconds. ``iterations``: those of
+    an earlier decision, to come to the same one whatever the clock says.
     """
     lead_s = _first_lead_s(situation, rules)
-    decision = _decide_for(situation, rules, lead_s, now)
+    decision = _decide_for(situation, rules, lead_s, now, iterations[:1])
     slowest_s = _slowest_s(decision, situation)
     if decision.orders and slowest_s + rules.settle_s > lead_s + _ARRIVAL_TOLERANCE_S:
-        decision = _decide_for(situation, rules, slowest_s + rules.settle_s, now)
-    return _kept(situation, rules, decision) or decision
+        later = _decide_for(situation, rules, slowest_s + rules.settle_s, now, iterations[1:])
+        decision = replace(later, iterations=decision.iterations + later.iterations)
+    kept = _kept(situation, rules, decision)
+    return decision if kept is None else replace(kept, iterations=decision.iterations)
 
 
-def _decide_for(situation: Situation, rules: PlanningRules, lead_s: float, now: Callable[[], float]) -> Decision:
-    window_start_s = situation.now_s + lead_s
+def _decide_for(
+    situation: Situation, rules: PlanningRules, lead_s: float, now: Callable[[], float], iterations: tuple[int, ...]
+) -> Decision:
     problem = _problem(situation, rules, lead_s)
-    threats = problem.threats
     placement = place(
-        problem, n_hosts=_host_count(problem, rules), seed=rules.seed, time_limit_s=rules.time_limit_s, now=now
+        problem,
+        n_hosts=_host_count(problem, rules),
+        seed=rules.seed,
+        time_limit_s=rules.time_limit_s,
+        iterations=iterations[0] if iterations else None,
+        now=now,
     )
-    decision = Decision(placement=placement, threats=threats, window_start_s=window_start_s, reason=placement.reason)
+    decision = Decision(
+        placement=placement,
+        threats=problem.threats,
+        window_start_s=situation.now_s + lead_s,
+        reason=placement.reason,
+        iterations=(placement.iterations,),
+    )
     if placement.status is Status.INFEASIBLE:
         return decision
     placement = replace(placement, hosts=tuple(_within_limits(pose, rules.limits) for pose in placement.hosts))
@@ -100,7 +122,7 @@ def _decide_for(situation: Situation, rules: PlanningRules, lead_s: float, now: 
         placement,
         situation.movers,
         threats_now=situation.threats,
-        threats_then=threats,
+        threats_then=problem.threats,
         horizon_s=rules.horizon_s,
         safety_distance_m=rules.safety_distance_m,
     )

@@ -1,10 +1,13 @@
 """Inputs as the journal holds them: a kind and plain JSON, there and back without losing a bit."""
 
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from pydantic import TypeAdapter
 
 from hsop_gcs.errors import BadInput
+from hsop_gcs.journal import read
 from hsop_gcs.link import events
 from hsop_gcs.link.events import Event
 from hsop_gcs.mission.core import (
@@ -14,13 +17,26 @@ from hsop_gcs.mission.core import (
     Input,
     LegFlown,
     MissionStarted,
+    MissionState,
     PlanFlew,
     ReportsArrived,
+    SolverAsked,
     ThreatDismissed,
     TimePassed,
+    apply,
 )
 
-_PLAIN = (MissionStarted, ReportsArrived, TimePassed, DecisionMade, PlanFlew, LegFlown, HostsHeld, ThreatDismissed)
+_PLAIN = (
+    MissionStarted,
+    ReportsArrived,
+    TimePassed,
+    SolverAsked,
+    DecisionMade,
+    PlanFlew,
+    LegFlown,
+    HostsHeld,
+    ThreatDismissed,
+)
 _ADAPTERS: dict[str, TypeAdapter[Any]] = {cls.__name__: TypeAdapter(cls) for cls in _PLAIN}
 _EVENTS: dict[str, TypeAdapter[Any]] = {
     name: TypeAdapter(cls)
@@ -50,3 +66,17 @@ def from_record(kind: str, data: Any, time_s: float) -> Input:
     except (KeyError, TypeError, ValueError) as error:
         raise BadInput(kind, f"no entry of a mission's journal: {error}") from error
     return given
+
+
+def read_inputs(path: Path) -> Iterator[tuple[int, Input]]:
+    """Yield the inputs of a mission's journal with their numbers. Raises BadInput for a journal that is none."""
+    for entry in read(path):
+        yield entry.number, from_record(entry.kind, entry.data, entry.time_s)
+
+
+def recover(path: Path) -> MissionState:
+    """Return the mission as its journal left it."""
+    state = MissionState()
+    for _, given in read_inputs(path):
+        state = apply(state, given)
+    return state

@@ -7,6 +7,7 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 
 from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation, decide
+from hsop_gcs.placement.search import warm_up
 
 _PATIENCE_S = 30.0
 """On top of its time limit; after that the worker counts as hung."""
@@ -54,7 +55,8 @@ def _new_pool() -> ProcessPoolExecutor:
 
 
 def _warm_up() -> None:
-    """Import (and, where there is something to compile, compile) before the first threat is reported, not after it."""
+    """Load the search's compiled kernels before the first threat is reported, not after it."""
+    warm_up()
 
 
 def _decide(situation: Situation, rules: PlanningRules) -> Decision:

@@ -33,21 +33,26 @@ def place(
     n_hosts: int | None = None,
     seed: int = 0,
     time_limit_s: float = 10.0,
+    iterations: int | None = None,
     now: Callable[[], float],
-    method: Method = Method.LETTER,
+    method: Method | None = None,
     initial_observers: bool = False,
     letters_cameras: bool = False,
 ) -> Placement:
     """Say where hosts hover, where they look and which camera sees which threat.
 
     n_hosts: exactly so many; None is the smallest number that sees every threat. now: the clock of the time limit,
-    seconds. initial_observers: only the letter's (N_h - 1)^N_t pair sets, from the hosts' current positions, in which
-    hosts keep their places. letters_cameras: only the letter's choice of cameras. Poses carry the ids of
-    ``problem.hosts``, shared out for short flights, or h1, h2, ... if there are none.
+    seconds. iterations: exactly so many of the search's rounds instead of a time limit. method: None is the global
+    search, or the letter's own where something only it can do is asked for. initial_observers: only the letter's
+    (N_h - 1)^N_t pair sets, from the hosts' current positions, in which hosts keep their places. letters_cameras: only
+    the letter's choice of cameras. Poses carry the ids of ``problem.hosts``, shared out for short flights, or h1, h2,
+    ... if there are none.
     Raises BadInput for no threats, a number of hosts outside 2 .. 2 N_t, initial observers without positions, and
     what the method cannot do.
     """
-    _check(problem, n_hosts, method, letters_own=initial_observers or letters_cameras)
+    letters_own = initial_observers or letters_cameras
+    method = method or (Method.LETTER if letters_own else Method.SEARCH)
+    _check(problem, n_hosts, method, letters_own=letters_own)
     if initial_observers and not problem.hosts:
         raise BadInput("hosts", "current positions are needed to choose initial observers, and none were given")
     started = now()
@@ -66,7 +71,9 @@ def place(
         # Compiled kernels take a second to load, which the other methods need not pay.
         from hsop_gcs.placement.search import search as search_globally
 
-        placement = search_globally(problem, n_hosts=n_hosts, seed=seed, deadline=deadline, now=now)
+        placement = search_globally(
+            problem, n_hosts=n_hosts, seed=seed, deadline=deadline, now=now, iterations=iterations
+        )
         search.deadline = now() + REASONING_S
     else:
         counts = range(2, available + 1) if n_hosts is None else range(n_hosts, min(n_hosts, available) + 1)

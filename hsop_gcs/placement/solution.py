@@ -77,6 +77,8 @@ class Placement:
     reason: str = ""
     """Why nothing was found, in terms of the input; empty otherwise."""
     method: str = Method.LETTER
+    iterations: int = 0
+    """How many rounds the search had time for; asked for again, they give the same placement."""
 
 
 def renamed(placement: Placement, names: Mapping[str, str]) -> Placement:

@@ -1,0 +1,123 @@
+"""A recorded mission run again: tracks from its reports, plans from its situations, compared entry by entry.
+
+Placements are made again with the iterations that the solver had time for, in worker processes: each depends on nothing
+but its own situation.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from hsop_gcs.mission.core import DecisionMade, Input, MissionState, SolverAsked, apply, situation
+from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation, decide
+from hsop_gcs.mission.records import read_inputs, to_record
+
+_UNTIL_THE_END = float("inf")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Difference:
+    """Something that came out otherwise than recorded."""
+
+    entry: int
+    time_s: float
+    what: str
+    recorded: Any
+    replayed: Any
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What a replay went through, and every difference it found."""
+
+    entries: int
+    reports: int
+    decisions: int
+    recorded_s: float
+    replayed_in_s: float
+    differences: tuple[Difference, ...]
+
+
+def replay(
+    path: Path,
+    *,
+    from_s: float = 0.0,
+    to_s: float = _UNTIL_THE_END,
+    jobs: int = 2,
+    now: Callable[[], float] = time.monotonic,
+    progress: Callable[[int], None] = lambda _entries: None,
+) -> Outcome:
+    """Run a journal again and compare.
+
+    from_s, to_s: seconds since the mission's first entry; decisions outside are taken as recorded. jobs: how many
+    placements are made at a time. progress: told the number of entries done. Raises BadInput for a damaged journal.
+    """
+    began = now()
+    differences: list[Difference] = []
+    checks: list[tuple[int, DecisionMade, Future[Decision]]] = []
+    state, entries, reports, first_s, last_s = MissionState(), 0, 0, None, 0.0
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        for number, given in read_inputs(path):
+            first_s = given.time_s if first_s is None else first_s
+            last_s, entries = given.time_s, number
+            inside = from_s <= given.time_s - first_s <= to_s
+            if isinstance(given, SolverAsked) and inside:
+                differences += _situation_differences(number, given, state)
+            if isinstance(given, DecisionMade) and inside and state.asked is not None:
+                again = pool.submit(_decide_again, state.asked.situation, given.decision, state.rules.planning)
+                checks.append((number, given, again))
+            reports += len(getattr(given, "measurements", ()))
+            state = apply(state, given)
+            progress(number)
+        for number, recorded, decided in checks:
+            differences += _decision_differences(number, recorded, decided.result())
+    return Outcome(
+        entries=entries,
+        reports=reports,
+        decisions=len(checks),
+        recorded_s=last_s - (first_s or 0.0),
+        replayed_in_s=now() - began,
+        differences=tuple(sorted(differences, key=lambda each: each.entry)),
+    )
+
+
+def _decide_again(asked: Situation, recorded: Decision, rules: PlanningRules) -> Decision:
+    return decide(asked, rules, now=time.monotonic, iterations=recorded.iterations)
+
+
+def _situation_differences(number: int, given: SolverAsked, state: MissionState) -> Iterator[Difference]:
+    """Whether the tracks have come to where they were when the solver was asked."""
+    again = situation(state, given.situation.movers, given.situation.now_s)
+    yield from _differences(number, given, "situation", given.situation, again)
+
+
+def _decision_differences(number: int, given: DecisionMade, again: Decision) -> Iterator[Difference]:
+    yield from _differences(number, given, "decision", _timeless(given.decision), _timeless(again))
+
+
+def _timeless(decision: Decision) -> Decision:
+    return replace(decision, placement=replace(decision.placement, solve_time_s=0.0))
+
+
+def _differences(number: int, given: Input, what: str, recorded: Any, again: Any) -> Iterator[Difference]:
+    if recorded == again:
+        return
+    one, other = (to_record(replace(given, **{what: value}))[1][what] for value in (recorded, again))
+    for path, left, right in _leaves(what, one, other):
+        yield Difference(entry=number, time_s=given.time_s, what=path, recorded=left, replayed=right)
+
+
+def _leaves(path: str, one: Any, other: Any) -> Iterator[tuple[str, Any, Any]]:
+    """The places in which two pieces of JSON differ."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        for key in {**one, **other}:
+            yield from _leaves(f"{path}.{key}", one.get(key), other.get(key))
+    elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
+        for index, (left, right) in enumerate(zip(one, other, strict=True)):
+            yield from _leaves(f"{path}[{index}]", left, right)
+    elif one != other:
+        yield path, one, other

@@ -1,0 +1,89 @@
+"""A recorded mission comes out the same when it is run again, and a service goes on where its journal ended."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from hsop_gcs.journal import Journal, read
+from hsop_gcs.mission.records import recover
+from hsop_gcs.replay import replay
+from hsop_gcs.replay.telemetry import retell
+from hsop_gcs.settings import Settings
+from tests.service import free_udp_port, position, report, service, settings, simulated_fleet, wait_until
+
+DATA = Path(__file__).parent.parent / "data"
+
+
+def with_journal(path: Path, udp_port: int) -> Settings:
+    wanted = settings(2, udp_port, time_limit_s=0.3)
+    return wanted.model_copy(update={"service": wanted.service.model_copy(update={"journal": str(path)})})
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The journal of a short mission: a plan approved and flown, a threat that moves, one that is dismissed."""
+    path = tmp_path_factory.mktemp("mission") / "journal"
+    port = free_udp_port()
+    with service(with_journal(path, port)) as client, simulated_fleet(port, 2):
+        wait_until(lambda: client.get("/api/v1/health").json()["hosts_available"] == 2)
+        client.post("/api/v1/reports", json=report("t1")).raise_for_status()
+        plan = wait_until(lambda: client.get("/api/v1/plan").json()["proposed"])
+        client.post("/api/v1/plan/approve", json={"plan_id": plan["id"]}).raise_for_status()
+        client.post("/api/v1/reports", json=report("t2", position=position(lon_deg=8.5459))).raise_for_status()
+        made = client.get("/api/v1/health").json()["planning"]["plans_made"]
+        wait_until(lambda: client.get("/api/v1/health").json()["planning"]["plans_made"] > made)
+        client.delete("/api/v1/threats/t2").raise_for_status()
+        wait_until(lambda: not client.get("/api/v1/threats").json())
+    return path
+
+
+def test_a_mission_replays_to_the_bit(recorded: Path) -> None:
+    outcome = replay(recorded)
+    assert outcome.differences == ()
+    assert outcome.decisions >= 2
+    assert outcome.reports == 2
+
+
+def test_a_journal_that_was_tampered_with_is_told_apart(recorded: Path, tmp_path: Path) -> None:
+    forged = tmp_path / "forged"
+    with Journal(forged) as journal:
+        for entry in read(recorded):
+            data = json.loads(json.dumps(entry.data))
+            if entry.kind == "DecisionMade" and data["decision"]["orders"]:
+                data["decision"]["orders"][0]["heading_deg"] += 1.0
+            journal.append(entry.kind, data, time_s=entry.time_s)
+    differences = replay(forged).differences
+    assert {each.what for each in differences} == {"decision.orders[0].heading_deg"}
+
+
+def test_a_service_goes_on_where_its_journal_ended_and_sends_nothing_twice(recorded: Path, tmp_path: Path) -> None:
+    path = tmp_path / "journal"
+    shutil.copy(recorded, path)
+    with path.open("ab") as file:
+        file.write(b'{"n": 1000, "t": 17')
+    before = recover(recorded)
+    assert before.progress
+    port = free_udp_port()
+    with service(with_journal(path, port)) as client, simulated_fleet(port, 2):
+        wait_until(lambda: client.get("/api/v1/health").json()["hosts_available"] == 2)
+        assert {host["order"]["order_id"] for host in client.get("/api/v1/hosts").json()} == {
+            progress.order_id for progress in before.progress.values()
+        }
+        kinds = {event["kind"] for event in client.get("/api/v1/events").json()}
+        assert "OrderAccepted" not in kinds
+    assert [entry.number for entry in read(path)] == list(range(1, len(list(read(path))) + 1))
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("arducopter-4.7.0-dev.tlog", ["Arm: Need Position Estimate", "DO_REPOSITION: DENIED", "in the air"]),
+        ("px4-1.16.0-sih.tlog", ["DO_REPOSITION: UNSUPPORTED", "Takeoff detected", "Returning to launch"]),
+    ],
+)
+def test_a_telemetry_log_is_retold(name: str, words: list[str]) -> None:
+    story = "\n".join(str(line) for line in retell(DATA / name))
+    for word in words:
+        assert word in story
