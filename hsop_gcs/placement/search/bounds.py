@@ -127,7 +127,7 @@ def mirrored(box: Floats, middle_x: float, middle_y: float, along_x: float, alon
     left = y * along_x - x * along_y
     other = abs((box[2] - middle_x) * along_x + (box[3] - middle_y) * along_y)
     first, second = box[4] * skew, box[5] * skew
-    return float(ahead + first < 0 or left + first < 0 or abs(ahead) + first < other - second)
+    return bool(ahead + first < 0 or left + first < 0 or abs(ahead) + first < other - second)
 
 
 @kernel
