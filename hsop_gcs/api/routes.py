@@ -1,12 +1,12 @@
 """The REST API, /api/v1."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from fastapi import APIRouter, FastAPI, Query, Request
 from fastapi.responses import JSONResponse
 from starlette.middleware.body_limit import RequestBodyLimitMiddleware
 
-from hsop_gcs.api import intake, views
+from hsop_gcs.api import detections, intake, views
 from hsop_gcs.api.problems import MEDIA_TYPE, PlainErrorsAsProblems, install, problem
 from hsop_gcs.api.schemas import (
     ApprovalIn,
@@ -24,8 +24,8 @@ from hsop_gcs.api.schemas import (
 from hsop_gcs.errors import BadInput
 from hsop_gcs.mission.controller import Mission
 
+Results = TypeVar("Results", ReportResults, detections.DetectionResults)
 _REF = "#/components/schemas/{model}"
-_ONE_REPORT = {"$ref": _REF.format(model="ReportIn")}
 _PROBLEM: dict[str, Any] = {
     "description": "What is wrong, with the field and the value",
     "content": {MEDIA_TYPE: {"schema": {"$ref": _REF.format(model="Problem")}}},
@@ -61,16 +61,7 @@ def _routes(mission: Mission) -> APIRouter:
         response_model=ReportResults,
         operation_id="postReports",
         responses=_problems(400, 413, 422),
-        openapi_extra={
-            "requestBody": {
-                "required": True,
-                "content": {
-                    "application/json": {
-                        "schema": {"anyOf": [_ONE_REPORT, {"type": "array", "items": _ONE_REPORT, "maxItems": 1000}]}
-                    }
-                },
-            }
-        },
+        openapi_extra=_one_or_many("ReportIn"),
     )
     async def post_reports(request: Request) -> ReportResults | JSONResponse:
         """Report one threat, or many; each is judged by itself and answered at its own index.
@@ -81,16 +72,25 @@ def _routes(mission: Mission) -> APIRouter:
             raw = intake.parse_json(await request.body())
         except BadInput as error:
             return problem(400, str(error))
-        results = intake.take(raw, mission)
-        if results.accepted == 0:
-            first = results.results[0].errors[0]
-            return problem(
-                422,
-                f"{first.field}: {first.problem}",
-                errors=[fault.model_dump() for fault in results.results[0].errors],
-                results=[result.model_dump() for result in results.results],
-            )
-        return results
+        return _judged(intake.take(raw, mission))
+
+    @router.post(
+        "/detections",
+        response_model=detections.DetectionResults,
+        operation_id="postDetections",
+        responses=_problems(400, 413, 422),
+        openapi_extra=_one_or_many("DetectionIn"),
+    )
+    async def post_detections(request: Request) -> detections.DetectionResults | JSONResponse:
+        """Tell what a host's camera saw, or many such sights; each is judged by itself.
+
+        200 if at least one was accepted, 422 if none was.
+        """
+        try:
+            raw = intake.parse_json(await request.body())
+        except BadInput as error:
+            return problem(400, str(error))
+        return _judged(detections.take(raw, mission.fleet, mission.detect, mission.refuse_report))
 
     @router.get("/threats", operation_id="getThreats")
     async def get_threats() -> list[ThreatOut]:
@@ -141,6 +141,25 @@ def _routes(mission: Mission) -> APIRouter:
     return router
 
 
+def _one_or_many(model: str) -> dict[str, Any]:
+    one = {"$ref": _REF.format(model=model)}
+    schema = {"anyOf": [one, {"type": "array", "items": one, "maxItems": intake.MAX_AT_ONCE}]}
+    return {"requestBody": {"required": True, "content": {"application/json": {"schema": schema}}}}
+
+
+def _judged(results: Results) -> Results | JSONResponse:
+    """The results, or a problem if nothing was accepted: the first fault, and all of them behind it."""
+    if results.accepted > 0:
+        return results
+    first = results.results[0].errors
+    return problem(
+        422,
+        f"{first[0].field}: {first[0].problem}",
+        errors=[fault.model_dump() for fault in first],
+        results=[result.model_dump(mode="json") for result in results.results],
+    )
+
+
 def _describe_more(app: FastAPI) -> None:
     """Add to the OpenAPI document what no route's signature shows: the report's schema and the problem's."""
     generate = app.openapi
@@ -148,10 +167,11 @@ def _describe_more(app: FastAPI) -> None:
     def openapi() -> dict[str, Any]:
         if app.openapi_schema is None:
             document = generate()
-            report = ReportIn.model_json_schema(ref_template=_REF)
             schemas = document["components"]["schemas"]
-            schemas.update(report.pop("$defs"))
-            schemas["ReportIn"] = report
+            for model in (ReportIn, detections.DetectionIn):
+                schema = model.model_json_schema(ref_template=_REF)
+                schemas.update(schema.pop("$defs"))
+                schemas[model.__name__] = schema
             schemas["Problem"] = {
                 "title": "Problem",
                 "description": "RFC 9457 problem details.",

@@ -55,7 +55,8 @@ def _told(outcome: "Outcome") -> str:
     if len(outcome.differences) > _SHOWN:
         lines.append(f"... and {len(outcome.differences) - _SHOWN} more")
     lines.append(
-        f"{outcome.entries} entries, {outcome.reports} measurements and {outcome.decisions} decisions of"
-        f" {outcome.recorded_s:.0f} s replayed in {outcome.replayed_in_s:.1f} s: {len(outcome.differences)} differences"
+        f"{outcome.entries} entries ({outcome.reports} reports, {outcome.detections} detections,"
+        f" {outcome.decisions} decisions) of {outcome.recorded_s:.0f} s replayed in {outcome.replayed_in_s:.1f} s:"
+        f" {len(outcome.differences)} differences"
     )
     return "\n".join(lines)

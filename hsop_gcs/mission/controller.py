@@ -15,6 +15,8 @@ import numpy as np
 
 from hsop_gcs.assignment import Mover, safe_route
 from hsop_gcs.cameras.rig import CameraKind
+from hsop_gcs.detections import Detection, PoseHistory, rays_of
+from hsop_gcs.detections import Verdict as RayVerdict
 from hsop_gcs.errors import NotKnown, Refused, Unavailable
 from hsop_gcs.fleet import Fleet, Host
 from hsop_gcs.geometry.frames import Aim, aim_between
@@ -31,6 +33,7 @@ from hsop_gcs.mission.core import (
     MissionStarted,
     MissionState,
     PlanFlew,
+    RaysArrived,
     ReportsArrived,
     Rules,
     SolverAsked,
@@ -38,9 +41,10 @@ from hsop_gcs.mission.core import (
     TimePassed,
     apply,
     situation,
+    take_rays,
     take_reports,
 )
-from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus, hover_order, mover_of
+from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus, hover_order, mover_of, with_telemetry
 from hsop_gcs.mission.pipeline import Situation
 from hsop_gcs.mission.records import to_record
 from hsop_gcs.mission.solver import Solver
@@ -58,6 +62,7 @@ _LEG_REACHED_M = 3.0
 """So near to a point of its route a host is sent on; routes keep more than this in hand."""
 _LEG_DEADLINE_S = 5.0
 _TRY_AGAIN_S = 1.0
+_POSE_STEP_S = 0.05
 
 log = logging.getLogger(__name__)
 
@@ -104,6 +109,7 @@ class Mission:
         self._solving: asyncio.Task[None] | None = None
         self._changed = asyncio.Event()
         self._next_flight_s = 0.0
+        self._poses = {host.id: PoseHistory() for host in fleet.hosts}
         self._take(MissionStarted(time_s=clock(), rules=rules or Rules()))
 
     # What consoles ask for
@@ -118,6 +124,16 @@ class Mission:
                 self.refuse_report(verdict.field)
             else:
                 self.reports_accepted += 1
+        self._changed.set()
+        return verdicts
+
+    def detect(self, detections: Sequence[Detection]) -> tuple[RayVerdict, ...]:
+        """Take what hosts' cameras saw into the picture; return what became of each detection, in their order."""
+        rules = self.state.rules
+        rays = rays_of(detections, self._poses, self.fleet.rig, rules.detections)
+        given = RaysArrived(time_s=self.clock(), rays=rays, hosts_m=self._hosts_m())
+        self._record(given)
+        self.state, verdicts = take_rays(self.state, given)
         self._changed.set()
         return verdicts
 
@@ -192,6 +208,7 @@ class Mission:
         """Move the mission on until cancelled."""
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(self._watch_link())
+            tasks.create_task(self._watch_poses())
             while True:
                 try:
                     self._advance(tasks)
@@ -316,6 +333,16 @@ class Mission:
             except Unavailable:
                 log.exception("%s of host %s is not in the journal", type(event).__name__, host.id)
             self._changed.set()
+
+    async def _watch_poses(self) -> None:
+        """Remember where hosts were and how they were turned, for what their cameras will say they saw then."""
+        while True:
+            ahead_s = self.clock() - self.link.now()
+            for host in self.fleet.hosts:
+                self._poses[host.id] = with_telemetry(
+                    self._poses[host.id], self.vehicle(host).state, self.site.frame, ahead_s=ahead_s
+                )
+            await asyncio.sleep(_POSE_STEP_S)
 
     # How the state moves on
 

@@ -1,6 +1,6 @@
 """The mission as a fold: whatever happens to it is an ``Input``, and ``apply`` gives the mission after it.
 
-    MissionStarted ─ ReportsArrived ─ TimePassed ─ SolverAsked ─ DecisionMade ─ PlanFlew ─ HostSpoke ─ HostsHeld ...
+    MissionStarted ─ ReportsArrived ─ RaysArrived ─ SolverAsked ─ DecisionMade ─ PlanFlew ─ HostSpoke ─ HostsHeld ...
          │                │               │              │            │           │              │
          └────────────────┴───────────────┴── apply ─────┴────────────┴───────────┴──────────────┘
                                              Mission, Mission, Mission, ...
@@ -14,6 +14,8 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from hsop_gcs.assignment import Mover
+from hsop_gcs.detections import DetectionRules, Ray, Refused, Watch, assimilate
+from hsop_gcs.detections import Verdict as RayVerdict
 from hsop_gcs.link.events import Event, OrderEvent
 from hsop_gcs.mission.dispatch import OrderProgress, progressed
 from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation
@@ -40,6 +42,7 @@ class Rules:
     replanning: ReplanRules = field(default_factory=ReplanRules)
     tracks: TrackRules = field(default_factory=TrackRules)
     reports: ReportRules = field(default_factory=ReportRules)
+    detections: DetectionRules = field(default_factory=DetectionRules)
     dismissed_for_s: float = 300.0
     """How long the reports of a dismissed threat are refused."""
 
@@ -63,6 +66,14 @@ class ReportsArrived(Input):
     """Measurements that arrived together, and where our own hosts were."""
 
     measurements: tuple[Measurement, ...]
+    hosts_m: Mapping[str, Point]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RaysArrived(Input):
+    """What hosts' cameras saw, as rays, and where our own hosts were."""
+
+    rays: tuple[Ray | Refused, ...]
     hosts_m: Mapping[str, Point]
 
 
@@ -132,6 +143,8 @@ class MissionState:
     autonomy: Autonomy = Autonomy.CONFIRM
     """The rules' own until an operator's hold takes automation away."""
     picture: Picture = field(default_factory=Picture)
+    watch: Watch = field(default_factory=Watch)
+    """Of detections: those that wait for an explanation, and what became of all."""
     plans: Plans = field(default_factory=Plans)
     progress: Mapping[str, OrderProgress] = field(default_factory=lambda: MappingProxyType({}))
     """The newest order of each host."""
@@ -148,6 +161,8 @@ def apply(mission: MissionState, given: Input) -> MissionState:
             return replace(mission, rules=rules, autonomy=rules.autonomy)
         case ReportsArrived():
             return take_reports(mission, given)[0]
+        case RaysArrived():
+            return take_rays(mission, given)[0]
         case TimePassed(time_s=time_s):
             picture, _ = prune(mission.picture, time_s, mission.rules.tracks)
             return _with_picture(mission, picture)
@@ -190,6 +205,21 @@ def take_reports(mission: MissionState, given: ReportsArrived) -> tuple[MissionS
     return replace(mission, picture=picture), tuple(
         refused[index] if index in refused else next(rest) for index in range(len(given.measurements))
     )
+
+
+def take_rays(mission: MissionState, given: RaysArrived) -> tuple[MissionState, tuple[RayVerdict, ...]]:
+    """Return the mission with what cameras saw in its picture, and a verdict on each detection."""
+    after = assimilate(
+        mission.picture,
+        mission.watch,
+        given.rays,
+        given.time_s,
+        hosts_m=given.hosts_m,
+        rules=mission.rules.detections,
+        track_rules=mission.rules.tracks,
+        clock=mission.rules.reports,
+    )
+    return replace(mission, picture=after.picture, watch=after.watch), after.verdicts
 
 
 def situation(mission: MissionState, movers: tuple[Mover, ...], now_s: float) -> Situation:

@@ -6,6 +6,7 @@ from enum import StrEnum
 import numpy as np
 
 from hsop_gcs.assignment import HostOrder, Mover
+from hsop_gcs.detections import PoseHistory
 from hsop_gcs.fleet import FlightLimits
 from hsop_gcs.geometry.frames import LocalFrame
 from hsop_gcs.link.events import (
@@ -70,6 +71,23 @@ def mover_of(host_id: str, state: VehicleState, frame: LocalFrame, limits: Fligh
     assert state.position is not None
     east, north, up = (float(value) for value in frame.to_enu(state.position))
     return Mover(id=host_id, position_m=(east, north, up), speed_mps=limits.speed_mps)
+
+
+def with_telemetry(history: PoseHistory, state: VehicleState, frame: LocalFrame, *, ahead_s: float) -> PoseHistory:
+    """Return a host's pose history with what its telemetry says now; ``ahead_s``: our clock minus the link's."""
+    if state.position is not None and state.position_heard_s is not None:
+        east, north, up = frame.to_enu(state.position).tolist()
+        history = history.with_position(state.position_heard_s + ahead_s, (east, north, up))
+    if state.heading_deg is not None and state.attitude_heard_s is not None:
+        history = history.with_attitude(
+            state.attitude_heard_s + ahead_s,
+            heading_deg=state.heading_deg,
+            roll_deg=state.roll_deg or 0.0,
+            pitch_deg=state.pitch_deg or 0.0,
+        )
+    if state.gimbal is not None and state.gimbal_heard_s is not None:
+        history = history.with_aim(state.gimbal_heard_s + ahead_s, state.gimbal)
+    return history
 
 
 def hover_order(progress: OrderProgress, frame: LocalFrame, *, deadline_s: float, speed_mps: float) -> HoverOrder:

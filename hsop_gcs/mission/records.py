@@ -19,6 +19,7 @@ from hsop_gcs.mission.core import (
     MissionStarted,
     MissionState,
     PlanFlew,
+    RaysArrived,
     ReportsArrived,
     SolverAsked,
     ThreatDismissed,
@@ -29,6 +30,7 @@ from hsop_gcs.mission.core import (
 _PLAIN = (
     MissionStarted,
     ReportsArrived,
+    RaysArrived,
     TimePassed,
     SolverAsked,
     DecisionMade,

@@ -12,7 +12,16 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from hsop_gcs.mission.core import DecisionMade, Input, MissionState, SolverAsked, apply, situation
+from hsop_gcs.mission.core import (
+    DecisionMade,
+    Input,
+    MissionState,
+    RaysArrived,
+    ReportsArrived,
+    SolverAsked,
+    apply,
+    situation,
+)
 from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation, decide
 from hsop_gcs.mission.records import read_inputs, to_record
 from hsop_gcs.placement.solution import Status
@@ -37,6 +46,7 @@ class Outcome:
 
     entries: int
     reports: int
+    detections: int
     decisions: int
     recorded_s: float
     replayed_in_s: float
@@ -60,7 +70,7 @@ def replay(
     began = now()
     differences: list[Difference] = []
     checks: list[tuple[int, DecisionMade, Future[Decision]]] = []
-    state, entries, reports, first_s, last_s = MissionState(), 0, 0, None, 0.0
+    state, entries, reports, detections, first_s, last_s = MissionState(), 0, 0, 0, None, 0.0
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         for number, given in read_inputs(path):
             first_s = given.time_s if first_s is None else first_s
@@ -71,7 +81,10 @@ def replay(
             if isinstance(given, DecisionMade) and inside and state.asked is not None:
                 again = pool.submit(_decide_again, state.asked.situation, given.decision, state.rules.planning)
                 checks.append((number, given, again))
-            reports += len(getattr(given, "measurements", ()))
+            if isinstance(given, ReportsArrived):
+                reports += len(given.measurements)
+            elif isinstance(given, RaysArrived):
+                detections += len(given.rays)
             state = apply(state, given)
             progress(number)
         for number, recorded, decided in checks:
@@ -79,6 +92,7 @@ def replay(
     return Outcome(
         entries=entries,
         reports=reports,
+        detections=detections,
         decisions=len(checks),
         recorded_s=last_s - (first_s or 0.0),
         replayed_in_s=now() - began,

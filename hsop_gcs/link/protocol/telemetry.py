@@ -65,6 +65,7 @@ class VehicleState:
     heading_deg: float | None = None
     roll_deg: float | None = None
     pitch_deg: float | None = None
+    attitude_heard_s: float | None = None
     gimbal: Aim | None = None
     """Where the gimbal looks, in the earth frame."""
     gimbal_heard_s: float | None = None
@@ -131,6 +132,7 @@ class Telemetry:
                     heading_deg=math.degrees(message.yaw) % 360.0,
                     roll_deg=math.degrees(message.roll),
                     pitch_deg=math.degrees(message.pitch),
+                    attitude_heard_s=now,
                 )
             case ExtendedSysState() if message.landed_state != MavLandedState.UNDEFINED:
                 self.state = replace(self.state, in_air=message.landed_state != MavLandedState.ON_GROUND)
