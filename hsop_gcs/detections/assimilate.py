@@ -78,8 +78,9 @@ class Watch:
 
     held: tuple[Ray, ...] = ()
     """Rays that no threat explains, in order of time."""
-    recent: frozenset[Detection] = frozenset()
-    """To know a repeated one by."""
+    recent: tuple[frozenset[Detection], frozenset[Detection]] = (frozenset(), frozenset())
+    """To know a repeated one by: those since ``recent_since_s``, and those of as long before."""
+    recent_since_s: float = 0.0
     counts: Counts = Counts()
 
 
@@ -166,13 +167,15 @@ class _Work:
         self.verdicts: dict[int, Verdict] = {}
         self._counts = watch.counts
         self._held: list[tuple[int | None, Ray]] = [(None, ray) for ray in watch.held]
-        oldest_s = now_s - clock.max_age_s
-        self._recent = {each for each in watch.recent if each.time_s >= oldest_s}
+        self._recent_since_s = watch.recent_since_s
+        self._recent, self._before = set(watch.recent[0]), watch.recent[1]
+        if now_s - watch.recent_since_s > rules.max_age_s + clock.max_future_s:
+            self._recent_since_s, self._recent, self._before = now_s, set(), watch.recent[0]
         self._hosts_m = hosts_m
         self._now_s = now_s
         self._rules = rules
         self._track_rules = track_rules
-        self._clock = clock
+        self._clock = replace(clock, max_age_s=min(clock.max_age_s, rules.max_age_s))
 
     def screen(self, ray: Ray) -> Refused | None:
         """Return why a ray cannot be used whatever it shows."""
@@ -181,7 +184,7 @@ class _Work:
             check_time(detection.time_s, self._now_s, self._clock)
         except BadInput as error:
             return Refused(reason=Reason.CLOCK, field=error.field, problem=error.problem)
-        if detection in self._recent:
+        if detection in self._recent or detection in self._before:
             problem = f"{detection.source} has already sent this detection"
             return Refused(reason=Reason.DUPLICATE, field="time", problem=problem)
         self._recent.add(detection)
@@ -249,7 +252,8 @@ class _Work:
     def watch(self, *, received: int) -> Watch:
         return Watch(
             held=tuple(ray for _, ray in self._held),
-            recent=frozenset(self._recent),
+            recent=(frozenset(self._recent), self._before),
+            recent_since_s=self._recent_since_s,
             counts=replace(self._counts, received=self._counts.received + received),
         )
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 class DetectionRules:
     """How rays find their threats and each other."""
 
+    max_age_s: float = 3.0
+    """An older detection is refused: the tracker would take it no more."""
     pose_limit_s: float = 0.5
     """A host's pose is known at a time if telemetry came within this of it."""
     host_sigma_m: float = 0.05
@@ -18,9 +20,9 @@ class DetectionRules:
     """How likely a threat's own ray lies within its gate."""
     impossible_probability: float = 1e-9
     """A ray less likely than this is of another threat, whatever id it bears."""
-    unexplained_per_sr: float = 1e-3
+    unexplained_per_sr: float = 1e-6
     """How densely rays of unknown threats and of nothing are expected; what a threat must beat to explain a ray."""
-    sure_odds: float = 10.0
+    sure_odds: float = 100.0
     """A ray goes to a threat only if that is so many times likelier than anything else."""
     hypotheses: int = 64
     """Ways to explain the rays of one moment that are followed side by side."""

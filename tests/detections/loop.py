@@ -149,9 +149,7 @@ class Loop:
             heading_deg=hover.heading_deg,
             roll_deg=self.sway_deg * math.sin(phase),
             pitch_deg=self.sway_deg * math.cos(phase),
-            aim=None
-            if track is None
-            else aim_at(np.array(hover.position_m), np.array(track.position_at(self.time_s))),
+            aim=None if track is None else aim_at(np.array(hover.position_m), np.array(track.position_at(self.time_s))),
         )
 
     def _hear(self, viewer: Viewer, time_s: float) -> None:
