@@ -17,7 +17,7 @@ STEPS = 30
 CONVERGED = 1e-6
 """A step smaller than this part of the nearest camera's distance is the last."""
 COARSE = 16
-"""Points tried on the first ray, each at three quarters of the last one's distance, when rays do not cross ahead."""
+"""Points tried on each ray, each at three quarters of the last one's distance, when the rays do not cross ahead."""
 PARALLEL = 1e-12
 """Smallest determinant of the normalised information at which rays count as crossing."""
 
@@ -168,7 +168,7 @@ def _normal_equations(
 def _start(
     origins: FloatArray, u: FloatArray, w: FloatArray, reach: FloatArray, x: FloatArray, m: FloatArray, v: FloatArray
 ) -> float:
-    """Put x at the point nearest to all rays, or else at the best of some on the first; return its sum of squares."""
+    """Put x at the point nearest to all rays, or else at the best of some on them; return its sum of squares."""
     if _nearest_point(origins, u, m, v, x):
         total = _normal_equations(origins, u, w, reach, x, m, v)
         if total < math.inf:
@@ -177,15 +177,18 @@ def _start(
     for k in range(1, len(origins)):
         for i in range(3):
             span = max(span, abs(origins[k, i] - origins[0, i]))
-    longest = min(reach[0], 8 * span)
-    best, best_part = math.inf, 0.0
-    for n in range(COARSE + 1):
-        part = 0.999 * longest * 0.75**n if n < COARSE else best_part
+    best, best_ray, best_depth = math.inf, 0, 0.0
+    for n in range(COARSE * len(origins) + 1):
+        ray, depth = n % len(origins), 0.0
+        if n < COARSE * len(origins):
+            depth = 0.999 * min(reach[ray], 8 * span) * 0.75 ** (n // len(origins))
+        else:
+            ray, depth = best_ray, best_depth
         for i in range(3):
-            x[i] = origins[0, i] + part * u[0, i]
+            x[i] = origins[ray, i] + depth * u[ray, i]
         total = _normal_equations(origins, u, w, reach, x, m, v)
         if total < best:
-            best, best_part = total, part
+            best, best_ray, best_depth = total, ray, depth
     return best
 
 

@@ -78,7 +78,7 @@ def pixel_size() -> "tuple[Figure, list[str]]":
     geometry.set_xlim(-1, 2)
     geometry.set_ylim(-1.2, 1.3)
     geometry.set_title("(a) a ray and its distorted image")
-    geometry.legend(loc="lower right")
+    geometry.legend(loc="upper left")
     degrees = np.linspace(-90, 90, 721)
     relative = 100 * lens.relative_pixel_size(np.radians(degrees))
     curve.plot(degrees, relative, color="tab:blue")
@@ -114,6 +114,7 @@ def regions() -> "tuple[Figure, list[str]]":
     right.annotate("", (0, 20), (0, 0), arrowprops={"arrowstyle": "->", "color": BORESIGHT})
     plan_view(left, "(a) peripheral camera, 5 px")
     plan_view(right, "(b) central camera, 30 px")
-    left.legend(title="object", loc="upper right")
+    left.set_ylim(-165, 125)
+    left.legend(title="object", loc="lower center", ncols=4)
     right.legend(title="object", loc="lower right")
     return figure, lines

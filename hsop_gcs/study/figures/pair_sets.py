@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 HOSTS = 4
 OBSERVERS = (0, 1, 2)
+LEAVES = (27, 9, 3, 1)
+"""Of the whole tree below a node, by how many threats have their pair."""
 PRUNED, KEPT = "tab:red", "tab:green"
 
 
@@ -97,8 +99,8 @@ def _draw_tree(axes: "Axes", examined: dict[PairSet, bool]) -> None:
     choices = [generate_pairs(HOSTS, observer) for observer in OBSERVERS]
 
     def height(pair_set: PairSet) -> float:
-        leaf = sum(choices[k].index(pair) * 3 ** (2 - k) for k, pair in enumerate(pair_set))
-        return -leaf - (3.0 ** (3 - len(pair_set)) - 1) / 2
+        first_leaf = sum(choices[k].index(pair) * LEAVES[k + 1] for k, pair in enumerate(pair_set))
+        return -first_leaf - (LEAVES[len(pair_set)] - 1) / 2
 
     for pair_set, ok in examined.items():
         x, y = len(pair_set), height(pair_set)

@@ -25,7 +25,7 @@ ROUNDS = 8
 DRAWS = 10_000
 SIZE_M = Assumptions().size_m
 COVER_SEED = 3
-MOBILE_AT_S = (0.0, 20.0, 30.0)
+MOBILE_AT_S = (0.0, 10.0, 20.0)
 
 
 def _threats(*states: tuple[float, float, float, float]) -> Problem:
@@ -69,7 +69,7 @@ def _described(problem: Problem, placement: Placement) -> str:
 
 def pair_geometry() -> "tuple[Figure, list[str]]":
     """Draw Fig. 8: one host-threat pair with its distances, the intersection angle and the field of view."""
-    problem = _threats((0.0, 0.0, 2.0, 0.5))
+    problem = _threats((0.0, 0.0, 1.0, 0.3))
     placement = placed(problem, 2)
     figure = new_figure(6.0, 5.4)
     axes = figure.subplots()
@@ -83,7 +83,7 @@ def pair_geometry() -> "tuple[Figure, list[str]]":
     angle = angles_deg(problem, placement)[0]
     axes.annotate(f"θ = {angle:.0f}°", point[:2], xytext=(8, -14), textcoords="offset points")
     plan_view(axes, "pair set {(t1, h1, h2)}, with t1 later")
-    frame_points(axes, [pose.position_m for pose in placement.hosts] + [*threat_points_m(problem)[0]], 15.0)
+    frame_points(axes, [pose.position_m for pose in placement.hosts] + [*threat_points_m(problem)[0]], 35.0)
     return figure, [_described(problem, placement)]
 
 
@@ -106,7 +106,7 @@ def static_threats() -> "tuple[Figure, list[str]]":
 
 def mobile_problems() -> list[Problem]:
     """Return two threats that fly towards each other, at three times."""
-    first = _threats((-190.0, 20.0, 5.0, -0.5), (190.0, -20.0, -5.0, 0.5))
+    first = _threats((-145.0, 20.0, 5.0, -0.5), (145.0, -20.0, -5.0, 0.5))
     return [
         replace(first, threats=tuple(replace(t, position_m=t.predicted_m(after_s)) for t in first.threats))
         for after_s in MOBILE_AT_S
