@@ -5,13 +5,18 @@ threats and the aircraft are made up.
 """
 
 import asyncio
+import json
+import math
+import socket
 import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 import httpx2
@@ -24,6 +29,7 @@ from hsop_gcs.app import running_service
 from hsop_gcs.errors import Unavailable
 from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
 from hsop_gcs.settings import Settings
+from hsop_gcs.simulator.truth import Truth, truth_from_json
 
 ORIGIN = GeodeticPoint(lat_deg=47.397742, lon_deg=8.545594, altitude_amsl_m=488.0)
 HOSTS = 4
@@ -31,39 +37,20 @@ SPACING_M = 15.0
 TAKE_OFF_M = 25.0
 REPORTS_PER_S = 2.0
 POLLS_PER_S = 4.0
+REPORT_SIGMA_M = 15.0
+THREATS_AFTER_S = 18.0
+"""From the start to the first report: the fleet takes off meanwhile."""
+SETTLE_S = 4.0
 LIMIT_S = 80.0
+SEED = 0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DemoThreat:
-    """A made-up intruder on a straight path, ENU metres. Half of the sources know no velocity."""
-
-    id: str
-    start_m: tuple[float, float, float]
-    velocity_mps: tuple[float, float, float]
-    tells_velocity: bool
-
-    def report(self, elapsed_s: float, now_s: float, frame: LocalFrame) -> dict[str, Any]:
-        """Return what a radar would POST ``elapsed_s`` after the threat was first seen."""
-        place = frame.to_geodetic(np.array(self.start_m) + elapsed_s * np.array(self.velocity_mps))
-        east, north, up = self.velocity_mps
-        return {
-            "source": "demo-radar",
-            "threat_id": self.id,
-            "time": datetime.fromtimestamp(now_s, UTC).isoformat(),
-            "position": {
-                "lat_deg": place.lat_deg,
-                "lon_deg": place.lon_deg,
-                "altitude_m": place.altitude_amsl_m,
-                "altitude_datum": "amsl",
-            },
-        } | ({"velocity": {"east_mps": east, "north_mps": north, "up_mps": up}} if self.tells_velocity else {})
-
-
-THREATS = (
-    DemoThreat(id="t1", start_m=(-10.0, 110.0, 40.0), velocity_mps=(0.6, -1.0, 0.0), tells_velocity=True),
-    DemoThreat(id="t2", start_m=(60.0, 125.0, 40.0), velocity_mps=(-0.8, -0.7, 0.0), tells_velocity=False),
-)
+TRUTH: dict[str, Any] = {
+    "threats": [
+        {"id": "t1", "position_m": [-10.0, 110.0, 40.0], "velocity_mps": [0.6, -1.0, 0.0]},
+        {"id": "t2", "position_m": [60.0, 125.0, 40.0], "velocity_mps": [-0.8, -0.7, 0.0]},
+    ]
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,6 +64,21 @@ class Summary:
     heading_error_deg: float | None
     gimbal_error_deg: float | None
     duration_s: float
+    report_error_m: float | None
+    """Of the coarse reports against the truth, median."""
+    final_error_m: float | None
+    """Of the tracks against the truth at the end, mean of the threats."""
+    journal: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Errors:
+    """How far reports and tracks were from the truth, metres; None where there was none."""
+
+    reports_m: float | None
+    first_fix_m: float | None
+    """When cameras had fixed a threat for the first time."""
+    final_m: float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,20 +97,25 @@ class Row:
 class Outcome:
     summary: Summary
     rows: tuple[Row, ...]
+    errors: Errors
     plan_cost: float | None
     problem: str
 
 
 async def run_demo(autopilot: str) -> Outcome:
-    """Run the demonstration; progress goes to stderr. Leaves no process behind, however it ends."""
+    """Run the demonstration; progress goes to stderr. Leaves no process behind, however it ends, only its journal."""
     started_s = time.monotonic()
+    folder = Path(tempfile.mkdtemp(prefix="hsop-gcs-demo-"))
+    truth = truth_from_json({**TRUTH, "epoch": _utc(time.time() + THREATS_AFTER_S)}, ORIGIN)
+    truth_file = folder / "truth.json"
+    truth_file.write_text(json.dumps({**TRUTH, "epoch": _utc(truth.epoch_s or 0.0)}))
     async with AsyncExitStack() as stack:
         port = _free_udp_port()
-        address = await stack.enter_async_context(running_service(_settings(port)))
-        await stack.enter_async_context(_simulated_fleet(autopilot, port))
+        address = await stack.enter_async_context(running_service(_settings(port, folder / "journal")))
+        await stack.enter_async_context(_simulated_fleet(autopilot, port, truth_file, address))
         client = await stack.enter_async_context(httpx2.AsyncClient(base_url=address, timeout=5.0))
         screen = stack.enter_context(Screen())
-        console = _DemoConsole(client, screen)
+        console = _DemoConsole(client, screen, truth)
         problem = ""
         try:
             async with asyncio.timeout(LIMIT_S):
@@ -116,7 +123,22 @@ async def run_demo(autopilot: str) -> Outcome:
         except TimeoutError:
             problem = f"not all hosts were on station within {LIMIT_S:.0f} s: {console.doing}"
         hosts = await console.hosts()
-    return _outcome(hosts, console.plan, time.monotonic() - started_s, problem)
+    errors = console.errors
+    rows = tuple(_row(host) for host in hosts if host["order"] is not None)
+    summary = Summary(
+        threats=len(truth.threats),
+        hosts=len(rows),
+        all_arrived=bool(rows) and not problem and all(row.status.startswith("on station") for row in rows),
+        hover_error_m=_worst(row.hover_error_m for row in rows),
+        heading_error_deg=_worst(row.heading_error_deg for row in rows),
+        gimbal_error_deg=_worst(row.gimbal_error_deg for row in rows),
+        duration_s=round(time.monotonic() - started_s, 2),
+        report_error_m=errors.reports_m,
+        final_error_m=errors.final_m,
+        journal=str(folder / "journal"),
+    )
+    cost = None if console.plan is None else console.plan["placement"]["cost"]
+    return Outcome(summary=summary, rows=rows, errors=errors, plan_cost=cost, problem=problem)
 
 
 class Screen:
@@ -139,75 +161,125 @@ class Screen:
     def say(self, line: str) -> None:
         self._console.print(line, highlight=False)
 
-    def show(self, hosts: list[dict[str, Any]]) -> None:
+    def show(self, hosts: list[dict[str, Any]], errors: Errors) -> None:
         if self._is_terminal:
-            self._live.update(_live_table(hosts))
+            self._live.update(_live_table(hosts, errors))
 
 
 class _DemoConsole:
-    """An operator's console, played by a program: it knows nothing but the REST API."""
+    """An operator's console, played by a program: it knows the REST API, and for its scores the truth."""
 
-    def __init__(self, client: httpx2.AsyncClient, screen: Screen) -> None:
+    def __init__(self, client: httpx2.AsyncClient, screen: Screen, truth: Truth) -> None:
         self._client = client
         self._screen = screen
+        self._truth = truth
+        self._report_errors: list[float] = []
+        self._first_fix_m: float | None = None
+        self._final_m: float | None = None
+        self._rng = np.random.default_rng(SEED)
         self.plan: dict[str, Any] | None = None
         self.doing = "starting"
 
+    @property
+    def errors(self) -> Errors:
+        reports_m = float(np.median(self._report_errors)) if self._report_errors else None
+        return Errors(reports_m=reports_m, first_fix_m=self._first_fix_m, final_m=self._final_m)
+
     async def work(self) -> None:
-        """Bring the fleet into the air, report threats, approve the plan and wait until all its hosts see."""
+        """Bring the fleet into the air, report threats, approve plans, and wait until all hosts see."""
         self._begin("waiting for the hosts' links")
         await self._until(lambda host: host["position"] is not None and host["in_air"] is not None)
         self._begin(f"ordering take-off to {TAKE_OFF_M:.0f} m")
         await self._post("/api/v1/hosts/take-off", {"altitude_m": TAKE_OFF_M})
         await self._until(lambda host: host["available"] and host["position_enu_m"][2] > TAKE_OFF_M - 2.0)
-        self._begin(f"reporting {len(THREATS)} threats")
+        self._begin(f"reporting {len(self._truth.threats)} threats, sigma {REPORT_SIGMA_M:.0f} m")
         async with asyncio.TaskGroup() as tasks:
-            reporting = tasks.create_task(self._report())
-            self.plan = await self._proposal()
-            placement = self.plan["placement"]
-            self._begin(
-                f"approving plan {self.plan['id']}: {len(self.plan['orders'])} hosts, cost {placement['cost']:.4f},"
-                f" solved in {placement['solve_time_s']:.2f} s"
-            )
-            await self._post("/api/v1/plan/approve", {"plan_id": self.plan["id"]})
-            flying = {order["host"] for order in self.plan["orders"]}
-            await self._until(
-                lambda host: host["id"] not in flying or (host["order"] or {}).get("status") == "on station"
-            )
-            reporting.cancel()
+            helpers = [tasks.create_task(work) for work in (self._report(), self._approve(), self._score())]
+            await self._settled()
+            for helper in helpers:
+                helper.cancel()
         self._begin("all hosts are on station")
 
     async def hosts(self) -> list[dict[str, Any]]:
         answer = await self._client.get("/api/v1/hosts")
         return list(answer.raise_for_status().json())
 
-    async def _until(self, done: Any) -> None:
+    async def _settled(self) -> None:
+        """Return when the hosts of a plan for all threats have been on station for a while."""
+        since = None
+        while since is None or time.monotonic() - since < SETTLE_S:
+            await asyncio.sleep(1 / POLLS_PER_S)
+            hosts = await self.hosts()
+            self._screen.show(hosts, self.errors)
+            ordered = [host for host in hosts if host["order"] is not None]
+            there = bool(ordered) and all(host["order"]["status"] == "on station" for host in ordered)
+            covered = {view["threat"] for host in ordered for view in host["order"]["views"]}
+            if not there or covered != {threat.id for threat in self._truth.threats}:
+                since = None
+            elif since is None:
+                since = time.monotonic()
+
+    async def _until(self, done: Callable[[dict[str, Any]], bool]) -> None:
         while True:
             hosts = await self.hosts()
-            self._screen.show(hosts)
+            self._screen.show(hosts, self.errors)
             if all(done(host) for host in hosts):
                 return
             await asyncio.sleep(1 / POLLS_PER_S)
 
     async def _report(self) -> None:
-        frame, begun_s = LocalFrame(ORIGIN), time.time()
+        """Report what a coarse radar would."""
+        frame = LocalFrame(ORIGIN)
         while True:
             now_s = time.time()
-            reports = [threat.report(now_s - begun_s, now_s, frame) for threat in THREATS]
-            results = await self._post("/api/v1/reports", reports)
-            if results["rejected"]:
-                self._screen.say(f"rejected: {results['results']}")
+            reports = []
+            for state in self._truth.at(now_s - (self._truth.epoch_s or 0.0)):
+                seen = np.array(state.position_m) + self._rng.normal(scale=REPORT_SIGMA_M, size=3)
+                self._report_errors.append(math.dist(seen, state.position_m))
+                reports.append(_report_of(state.id, frame.to_geodetic(seen), now_s))
+            if reports:
+                results = await self._post("/api/v1/reports", reports)
+                for result in results["results"]:
+                    if result["status"] == "rejected":
+                        self._screen.say(f"report refused: {result['errors']}")
             await asyncio.sleep(1 / REPORTS_PER_S)
 
-    async def _proposal(self) -> dict[str, Any]:
-        """Wait for a plan that covers all threats."""
+    async def _approve(self) -> None:
+        """Approve every plan that covers all threats, as an operator would who trusts them."""
         while True:
             plans = (await self._client.get("/api/v1/plan")).raise_for_status().json()
-            proposed = plans["proposed"]
-            if proposed is not None and len(proposed["placement"]["pairs"]) == len(THREATS):
-                return dict(proposed)
-            if plans["failed"] is not None:
-                self.doing = f"no plan: {plans['failed']['reason']}"
+            proposed, failed = plans["proposed"], plans["failed"]
+            if proposed is not None and len(proposed["placement"]["pairs"]) == len(self._truth.threats):
+                self._begin(
+                    f"approving plan {proposed['id']}: {len(proposed['orders'])} hosts,"
+                    f" cost {proposed['placement']['cost']:.4f}, because {proposed['trigger']}"
+                )
+                answer = await self._client.post("/api/v1/plan/approve", json={"plan_id": proposed["id"]})
+                if answer.is_error:
+                    self._screen.say(f"not flown: {answer.json()['detail']}")
+                else:
+                    self.plan = proposed
+            elif failed is not None:
+                self.doing = f"no plan: {failed['reason']}"
+            await asyncio.sleep(1 / POLLS_PER_S)
+
+    async def _score(self) -> None:
+        """Hold the tracks against the truth."""
+        frame = LocalFrame(ORIGIN)
+        while True:
+            threats = (await self._client.get("/api/v1/threats")).raise_for_status().json()
+            fixes = (await self._client.get("/api/v1/health")).raise_for_status().json()["detections"]["fixes"]
+            errors = []
+            for threat in threats:
+                at_s = datetime.fromisoformat(threat["time"]).timestamp() - (self._truth.epoch_s or 0.0)
+                true = {state.id: state.position_m for state in self._truth.at(at_s)}.get(threat["id"])
+                if true is not None:
+                    believed = frame.to_enu(GeodeticPoint(**threat["position"]))
+                    errors.append(math.dist(believed, true))
+            if errors:
+                self._final_m = sum(errors) / len(errors)
+                if fixes and self._first_fix_m is None:
+                    self._first_fix_m = self._final_m
             await asyncio.sleep(1 / POLLS_PER_S)
 
     async def _post(self, path: str, body: Any) -> Any:
@@ -221,13 +293,32 @@ class _DemoConsole:
         self._screen.say(doing)
 
 
+def _report_of(threat_id: str, place: GeodeticPoint, now_s: float) -> dict[str, Any]:
+    return {
+        "source": "demo-radar",
+        "threat_id": threat_id,
+        "time": _utc(now_s),
+        "position": {
+            "lat_deg": place.lat_deg,
+            "lon_deg": place.lon_deg,
+            "altitude_m": place.altitude_amsl_m,
+            "altitude_datum": "amsl",
+        },
+        "sigma_m": REPORT_SIGMA_M,
+    }
+
+
+def _utc(time_s: float) -> str:
+    return datetime.fromtimestamp(time_s, UTC).isoformat()
+
+
 @asynccontextmanager
-async def _simulated_fleet(autopilot: str, port: int) -> AsyncIterator[None]:
+async def _simulated_fleet(autopilot: str, port: int, truth: Path, service: str) -> AsyncIterator[None]:
     """Run ``hsop-gcs simulate`` as a process that ends when our end of its stdin does."""
     origin = f"{ORIGIN.lat_deg},{ORIGIN.lon_deg},{ORIGIN.altitude_amsl_m}"
     command = [sys.executable, "-m", "hsop_gcs", "simulate", "--vehicles", str(HOSTS), "--autopilot", autopilot]
     command += ["--origin", origin, "--spacing-m", str(SPACING_M), "--target", f"127.0.0.1:{port}", "--shared-port"]
-    command += ["--local-port", "0", "--exit-with-stdin"]
+    command += ["--local-port", "0", "--exit-with-stdin", "--truth", str(truth), "--detections-to", service]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
     try:
         yield
@@ -241,27 +332,31 @@ async def _simulated_fleet(autopilot: str, port: int) -> AsyncIterator[None]:
             process.wait()
 
 
-def _settings(port: int) -> Settings:
+def _settings(port: int, journal: Path) -> Settings:
     hosts = [
         {"id": f"h{number}", "system_id": number, "connection": f"udpin:127.0.0.1:{port}"}
         for number in range(1, HOSTS + 1)
     ]
     origin = {"lat_deg": ORIGIN.lat_deg, "lon_deg": ORIGIN.lon_deg, "altitude_amsl_m": ORIGIN.altitude_amsl_m}
     return Settings.model_validate(
-        {"site": {"origin": origin}, "service": {"port": 0}, "planning": {"hosts": "all"}, "hosts": hosts}
+        {
+            "site": {"origin": origin},
+            "service": {"port": 0, "journal": str(journal)},
+            "planning": {"hosts": "all"},
+            "hosts": hosts,
+        }
     )
 
 
 def _free_udp_port() -> int:
-    import socket
-
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
 
 
-def _live_table(hosts: list[dict[str, Any]]) -> Table:
-    table = Table()
+def _live_table(hosts: list[dict[str, Any]], errors: Errors) -> Table:
+    track = "" if errors.final_m is None else f"tracks are {errors.final_m:.2f} m from the truth"
+    table = Table(caption=track)
     for heading in ("host", "mode", "altitude", "order", "to go", "heading", "gimbal"):
         table.add_column(heading)
     for host in hosts:
@@ -283,32 +378,18 @@ def _shown(value: float | None, unit: str) -> str:
     return "" if value is None else f"{value:.1f}{unit}"
 
 
-def _outcome(hosts: list[dict[str, Any]], plan: dict[str, Any] | None, duration_s: float, problem: str) -> Outcome:
-    rows = tuple(
-        Row(
-            host=host["id"],
-            status=order["status"] + (f" ({order['note']})" if order["note"] else ""),
-            hover_error_m=order["hover_error_m"],
-            heading_error_deg=order["heading_error_deg"],
-            gimbal_error_deg=order["gimbal_error_deg"],
-            sees=tuple((view["threat"], view["camera"]) for view in order["views"]),
-        )
-        for host in hosts
-        if (order := host["order"]) is not None
+def _row(host: dict[str, Any]) -> Row:
+    order = host["order"]
+    return Row(
+        host=host["id"],
+        status=order["status"] + (f" ({order['note']})" if order["note"] else ""),
+        hover_error_m=order["hover_error_m"],
+        heading_error_deg=order["heading_error_deg"],
+        gimbal_error_deg=order["gimbal_error_deg"],
+        sees=tuple((view["threat"], view["camera"]) for view in order["views"]),
     )
-    summary = Summary(
-        threats=len(THREATS),
-        hosts=len(rows),
-        all_arrived=bool(rows) and not problem and all(row.status == "on station" for row in rows),
-        hover_error_m=_worst(row.hover_error_m for row in rows),
-        heading_error_deg=_worst(row.heading_error_deg for row in rows),
-        gimbal_error_deg=_worst(row.gimbal_error_deg for row in rows),
-        duration_s=round(duration_s, 2),
-    )
-    cost = None if plan is None else plan["placement"]["cost"]
-    return Outcome(summary=summary, rows=rows, plan_cost=cost, problem=problem)
 
 
-def _worst(values: Any) -> float | None:
+def _worst(values: Iterable[float | None]) -> float | None:
     known = [abs(value) for value in values if value is not None]
     return max(known) if known else None

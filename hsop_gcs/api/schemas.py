@@ -246,6 +246,19 @@ class ReportCounts(BaseModel):
     sources: dict[str, SourceCounts]
 
 
+class DetectionCounts(BaseModel):
+    """Detections since the mission began; fixes and candidates by themselves."""
+
+    received: int
+    used: int
+    bearing_only: int
+    fixes: int
+    candidates: int
+    ambiguous: int
+    unexplained: int
+    refused: dict[str, int]
+
+
 class PlanningHealth(BaseModel):
     plans_made: int
     last_solve_s: float | None
@@ -279,5 +292,6 @@ class HealthOut(BaseModel):
     hosts: int
     hosts_available: int
     reports: ReportCounts
+    detections: DetectionCounts
     planning: PlanningHealth
     link: LinkHealth

@@ -8,6 +8,7 @@ import numpy as np
 
 from hsop_gcs.api.schemas import (
     AimOut,
+    DetectionCounts,
     EventOut,
     HealthOut,
     HostOut,
@@ -26,6 +27,7 @@ from hsop_gcs.api.schemas import (
 )
 from hsop_gcs.assignment import HostOrder
 from hsop_gcs.cameras.rig import CameraKind
+from hsop_gcs.detections import Counts
 from hsop_gcs.fleet import Host
 from hsop_gcs.geometry.frames import Aim, GeodeticPoint
 from hsop_gcs.link.protocol.gimbal import separation_deg
@@ -132,6 +134,7 @@ def health_out(mission: Mission, started_at_s: float) -> HealthOut:
         hosts=len(mission.fleet.hosts),
         hosts_available=len(mission.fleet.hosts) - len(unavailable),
         reports=_reports(mission),
+        detections=_detections(mission.state.watch.counts),
         planning=PlanningHealth(
             plans_made=mission.state.plans.made,
             last_solve_s=None if newest is None else newest.decision.placement.solve_time_s,
@@ -156,6 +159,19 @@ def _reports(mission: Mission) -> ReportCounts:
             )
             for name, watch in mission.state.picture.sources.items()
         },
+    )
+
+
+def _detections(counts: Counts) -> DetectionCounts:
+    return DetectionCounts(
+        received=counts.received,
+        used=counts.used,
+        bearing_only=counts.bearing_only,
+        fixes=counts.fixes,
+        candidates=counts.candidates,
+        ambiguous=counts.ambiguous,
+        unexplained=counts.unexplained,
+        refused=dict(counts.refused),
     )
 
 

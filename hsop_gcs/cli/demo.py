@@ -56,12 +56,18 @@ def _print_table(outcome: "Outcome") -> None:
         )
     console = Console()
     console.print(table)
+    if outcome.plan_cost is None:
+        return
+    errors = outcome.errors
     console.print(
         f"{outcome.summary.threats} threats, {outcome.summary.hosts} hosts, plan cost {outcome.plan_cost:.4f},"
         f" {outcome.summary.duration_s:.0f} s"
-        if outcome.plan_cost is not None
-        else outcome.problem
     )
+    console.print(
+        f"Distance from the truth: reports {_number(errors.reports_m, ' m')}, after the first fix"
+        f" {_number(errors.first_fix_m, ' m')}, at the end {_number(errors.final_m, ' m')}"
+    )
+    console.print(f"Journal: {outcome.summary.journal} (hsop-gcs replay runs it again)", soft_wrap=True)
 
 
 def _number(value: float | None, unit: str) -> str:

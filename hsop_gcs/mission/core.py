@@ -232,7 +232,7 @@ def situation(mission: MissionState, movers: tuple[Mover, ...], now_s: float) ->
             Threat(
                 id=track.id,
                 position_m=track.position_at(now_s),
-                velocity_mps=track.velocity_mps,
+                velocity_mps=track.velocity_mps if track.velocity_known else (0.0, 0.0, 0.0),
                 size_m=track.size_m,
             )
             for track in tracks
