@@ -159,7 +159,7 @@ def _by_image(
     elapsed_s = np.array([ray.time_s for ray in rays]) - time_s
     seen = _compare(rays, threats.mean + elapsed_s[:, None, None] * threats.velocity, threats.covariance, rules)
     possible = _possible(seen, hints, np.ones_like(seen.ahead), rules)
-    unclear = (possible & ~seen.well_known).any(axis=1).tolist()
+    unclear = [bool(each.any()) for each in possible & ~seen.well_known]
     shown: dict[int, int | Doubt] = {}
     for _, image in itertools.groupby(range(len(rays)), key=lambda number: rays[number].look):
         members = list(image)

@@ -1,23 +1,23 @@
 """The loop without I/O: true threats, hosts that hover and look, detections, tracks. For tests and measurements."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from hsop_gcs.cameras.rig import CameraRig
-from hsop_gcs.detections import Detection, DetectionRules, Fate, Pose, PoseHistory, Verdict, Watch, assimilate, rays_of
+from hsop_gcs.detections import Detection, DetectionRules, Pose, PoseHistory, Verdict, Watch, assimilate, rays_of
 from hsop_gcs.geometry.frames import aim_at
 from hsop_gcs.reports import Report, ReportRules, Vector3
 from hsop_gcs.simulator.eyes import Viewer, look
 from hsop_gcs.simulator.truth import TrueState
 from hsop_gcs.tracks import Picture, Track, TrackRules, update
+from hsop_gcs.tracks.gate import predicted
 
 EPOCH_S = 1_800_000_000.0
 PERIOD_S = 0.2
-TELEMETRY_PERIOD_S = 0.1
 LATENCY_S = 0.1
 
 
@@ -57,7 +57,7 @@ class Flight:
 
 @dataclass(kw_only=True)
 class Loop:
-    """Steps at 5 Hz: threats fly, hosts sway a little, gimbals follow, cameras see, tracks are corrected."""
+    """Steps at 5 Hz: threats fly, hosts sway and misjudge where they are, gimbals follow, cameras see, tracks learn."""
 
     flights: Sequence[Flight]
     hovers: Sequence[Hover]
@@ -111,6 +111,10 @@ class Loop:
         )
         self.picture, self.watch = done.picture, done.watch
         self.last = list(zip(seen, done.verdicts, strict=True))
+        self.wait()
+
+    def wait(self) -> None:
+        """Pass one period in which no camera sees anything."""
         for flight in self.flights:
             flight.fly(PERIOD_S, self.rng)
         self.time_s += PERIOD_S
@@ -126,20 +130,11 @@ class Loop:
         }
 
     def nees(self) -> dict[str, float]:
-        """Return each track's normalized estimation error squared, position and velocity, at its newest measurement.
-
-        Call it before ``step`` flies on: the truth must be of the track's time.
-        """
+        """Return each track's normalized estimation error squared, position and velocity, now."""
         return {
             flight.threat: nees_of(self.picture.tracks[flight.threat], flight.state(), self.time_s, self.track_rules)
             for flight in self.flights
         }
-
-    def fates(self) -> Mapping[Fate, int]:
-        counts: dict[Fate, int] = {}
-        for _, verdict in self.last:
-            counts[verdict.fate] = counts.get(verdict.fate, 0) + 1
-        return counts
 
     def _pose(self, hover: Hover) -> Pose:
         track = None if hover.follows is None else self.picture.tracks.get(hover.follows)
@@ -154,8 +149,9 @@ class Loop:
 
     def _hear(self, viewer: Viewer, time_s: float) -> None:
         pose = viewer.pose
+        x, y, z = (np.array(pose.position_m) + self.rules.host_sigma_m * self.rng.standard_normal(3)).tolist()
         history = self.poses[viewer.host]
-        history = history.with_position(time_s, pose.position_m).with_attitude(
+        history = history.with_position(time_s, (x, y, z)).with_attitude(
             time_s, heading_deg=pose.heading_deg, roll_deg=pose.roll_deg, pitch_deg=pose.pitch_deg
         )
         self.poses[viewer.host] = history if pose.aim is None else history.with_aim(time_s, pose.aim)
@@ -163,8 +159,6 @@ class Loop:
 
 def nees_of(track: Track, truth: TrueState, time_s: float, rules: TrackRules) -> float:
     """Return the normalized estimation error squared of a track predicted to ``time_s``; 6 on average if consistent."""
-    from hsop_gcs.tracks.gate import predicted
-
     mean, covariance = predicted([track.state], [time_s], rules)
     error: npt.NDArray[np.float64] = mean[0] - np.array([*truth.position_m, *truth.velocity_mps])
     return float(error @ np.linalg.solve(covariance[0], error))

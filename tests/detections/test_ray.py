@@ -161,12 +161,14 @@ def test_the_angular_error_of_noisy_pixels_is_what_the_ray_says(off_deg: float) 
     truth = np.array([x, y, z - 30.0]) / math.hypot(x, y, z - 30.0)
     draws = 1000
     total = 0.0
-    for u_px, v_px in (pixel + 10.0 * rng.standard_normal((draws, 2))).tolist():
+    noise_px = rng.normal(0.0, 10.0, size=(draws, 2))
+    for number in range(draws):
+        u_px, v_px = float(pixel[0] + noise_px[number, 0]), float(pixel[1] + noise_px[number, 1])
         seen = Pixel(u_px=u_px, v_px=v_px, sigma_px=10.0)
         detection = Detection(host="h1", camera=CameraKind.PERIPHERAL, lens=Lens.FRONT, time_s=NOW_S, seen=seen)
         ray = to_ray(detection, pose, DISTORTED)
         total += sum(float(np.dot(a, truth) / s) ** 2 for a, s in zip(ray.across, ray.sigma_rad, strict=True))
-    low, high = chi2.ppf([0.0005, 0.9995], 2 * draws)
+    low, high = (float(chi2.ppf(share, 2 * draws)) for share in (0.0005, 0.9995))
     assert low < total < high
 
 

@@ -1,0 +1,108 @@
+"""Where rays of different hosts meet that nothing explains."""
+
+import math
+
+import pytest
+
+from hsop_gcs.detections import DetectionRules, Ray
+from hsop_gcs.detections.candidates import Meeting, meetings
+from hsop_gcs.detections.fix import fix_of
+from hsop_gcs.reports import Vector3
+from tests.detections.examples import METRE, NOW_S, bearing_ray
+
+WEST: Vector3 = (-30.0, 0.0, 30.0)
+SOUTH: Vector3 = (0.0, -30.0, 30.0)
+NORTH_EAST: Vector3 = (25.0, 25.0, 36.0)
+FIRST = (5.0, 4.0, 32.0)
+SECOND = (-8.0, 9.0, 32.0)
+RULES = DetectionRules()
+
+
+def found(*rays: Ray) -> list[Meeting]:
+    return meetings(rays, RULES)
+
+
+def test_two_hosts_rays_meet_where_the_threat_is() -> None:
+    (meeting,) = found(bearing_ray("a", WEST, FIRST), bearing_ray("b", SOUTH, FIRST))
+    assert meeting.rays == (0, 1)
+    assert meeting.fix.position_m == pytest.approx(FIRST, abs=1e-6 * METRE)
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        pytest.param(bearing_ray("a", WEST, FIRST), bearing_ray("a", SOUTH, FIRST), id="of one host"),
+        pytest.param(bearing_ray("a", WEST, FIRST), bearing_ray("b", SOUTH, (5.0, 4.0, 38.0)), id="that pass by"),
+        pytest.param(bearing_ray("a", WEST, FIRST), bearing_ray("b", SOUTH, (-5.0, -64.0, 28.0)), id="behind a host"),
+        pytest.param(
+            bearing_ray("a", WEST, (400.0, 4.0, 32.0)), bearing_ray("b", SOUTH, (400.0, 4.0, 32.0)), id="too far"
+        ),
+        pytest.param(
+            bearing_ray("a", WEST, FIRST), bearing_ray("b", SOUTH, FIRST, time_s=NOW_S + 0.3), id="not together"
+        ),
+        pytest.param(
+            bearing_ray("a", WEST, (100.0, 0.0, 30.0), sigma_deg=3.0),
+            bearing_ray("b", (-40.0, 1.0, 30.0), (100.0, 0.0, 30.0), sigma_deg=3.0),
+            id="all but parallel",
+        ),
+    ],
+)
+def test_rays_do_not_meet(first: Ray, second: Ray) -> None:
+    assert found(first, second) == []
+
+
+def test_two_hosts_that_see_two_threats_at_one_height_begin_none() -> None:
+    """Four meetings, two of them ghosts; nothing tells which."""
+    level = [(x, y, 30.0) for x, y, _ in (FIRST, SECOND)]
+    rays = [bearing_ray(host, at, threat) for host, at in (("a", WEST), ("b", SOUTH)) for threat in level]
+    assert found(*rays) == []
+
+
+def test_different_heights_tell_threats_from_ghosts() -> None:
+    threats = (FIRST, (-8.0, 9.0, 27.0))
+    rays = [bearing_ray(host, at, threat) for host, at in (("a", WEST), ("b", SOUTH)) for threat in threats]
+    assert sorted(meeting.rays for meeting in found(*rays)) == [(0, 2), (1, 3)]
+
+
+def test_a_third_host_tells_threats_from_ghosts() -> None:
+    rays = [
+        bearing_ray(host, at, (*threat[:2], 30.0))
+        for host, at in (("a", WEST), ("b", SOUTH), ("c", NORTH_EAST))
+        for threat in (FIRST, SECOND)
+    ]
+    assert sorted(meeting.rays for meeting in found(*rays)) == [(0, 2, 4), (1, 3, 5)]
+
+
+def test_both_cameras_of_a_host_take_part() -> None:
+    rays = [
+        bearing_ray("a", WEST, FIRST),
+        bearing_ray("b", SOUTH, FIRST),
+        bearing_ray("b", SOUTH, FIRST, sigma_deg=3.0, time_s=NOW_S + 0.01),
+    ]
+    (meeting,) = found(*rays)
+    assert (meeting.rays, meeting.hosts) == ((0, 1, 2), 2)
+
+
+def test_a_fix_allows_for_the_flight_between_two_exposures() -> None:
+    """The threat flies 3 m/s; 0.1 s later its second ray is taken, from where it is then."""
+    rays = [
+        bearing_ray("a", WEST, (5.0, 4.0, 32.0), time_s=NOW_S),
+        bearing_ray("b", SOUTH, (5.3, 4.0, 32.0), time_s=NOW_S + 0.1),
+    ]
+    fix = fix_of(rays, NOW_S + 0.1, RULES, velocity_mps=(3.0, 0.0, 0.0), speed_sigma_mps=0.1)
+    assert fix is not None
+    assert fix.position_m == pytest.approx((5.3, 4.0, 32.0), abs=1e-6 * METRE)
+
+
+def test_a_fix_is_no_better_than_the_hosts_own_positions_and_the_threats_speed_are_known() -> None:
+    rays = [
+        bearing_ray("a", WEST, FIRST, sigma_deg=0.01),
+        bearing_ray("b", SOUTH, FIRST, sigma_deg=0.01, time_s=NOW_S + 0.1),
+    ]
+    sure = fix_of(rays, NOW_S + 0.1, RULES, velocity_mps=(0.0, 0.0, 0.0), speed_sigma_mps=0.0)
+    vague = fix_of(rays, NOW_S + 0.1, RULES, velocity_mps=(0.0, 0.0, 0.0), speed_sigma_mps=5.0)
+    assert sure is not None
+    assert vague is not None
+    # Rays at right angles: each host's 5 cm on one axis, and their mean on the third.
+    assert sure.sigma_m == pytest.approx(0.05 * math.sqrt(2.5), rel=0.05)
+    assert vague.sigma_m > 0.3
