@@ -13,6 +13,8 @@ from hsop_gcs.reports import Vector3
 
 MEMORY_S = 6.0
 """Longer than the tracker takes late reports, and the way of a detection to us."""
+_SAME_SAMPLE_S = 1e-3
+"""Two clocks read one after the other differ by less; no telemetry comes so often."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +87,7 @@ class PoseHistory:
 
 
 def _appended(series: Series, time_s: float, values: Vector3) -> Series:
-    if series and time_s <= series[-1][0]:
+    if series and time_s < series[-1][0] + _SAME_SAMPLE_S:
         return series
     first = bisect_right(series, time_s - MEMORY_S, key=_time)
     return (*series[first:], (time_s, values))

@@ -62,7 +62,7 @@ _LEG_REACHED_M = 3.0
 """So near to a point of its route a host is sent on; routes keep more than this in hand."""
 _LEG_DEADLINE_S = 5.0
 _TRY_AGAIN_S = 1.0
-_POSE_STEP_S = 0.05
+_POSE_STEP_S = 0.025
 
 log = logging.getLogger(__name__)
 

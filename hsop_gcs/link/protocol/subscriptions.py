@@ -30,16 +30,17 @@ from hsop_gcs.link.protocol.command import REPEATABLE, CommandSender, Outcome, R
 
 RATES_HZ: dict[type[Message], float] = {
     GlobalPositionInt: 10.0,
-    Attitude: 10.0,
+    Attitude: 20.0,
     ExtendedSysState: 2.0,
     HomePosition: 0.5,
-    GimbalDeviceAttitudeStatus: 5.0,
+    GimbalDeviceAttitudeStatus: 20.0,
     GimbalManagerStatus: 1.0,
     SysStatus: 1.0,
     GpsRawInt: 1.0,
     BatteryStatus: 0.5,
 }
-"""In the order of asking: what gates an order comes first."""
+"""In the order of asking: what gates an order comes first. Attitudes come as often as a camera needs that tells where
+it looked a tenth of a second ago."""
 
 _ONCE: tuple[type[Message], ...] = (HomePosition, AutopilotVersion)
 _PERIODS_MISSED = 5

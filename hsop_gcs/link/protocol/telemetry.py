@@ -33,6 +33,10 @@ _STATUSTEXT_CHARACTERS = 50
 _JOIN_WITHIN_S = 1.0
 _TEXTS_KEPT = 5
 _UNKNOWN_U16 = 65535
+_CLOCK_SET_S = 5.0
+"""No message is this late: the vehicle's clock was set, or it restarted."""
+_CLOCK_DRIFT = 1e-4
+"""How fast a vehicle's clock may run against ours, seconds a second."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,6 +92,8 @@ class Telemetry:
         self.adapter: Adapter | None = None
         self._events: list[Event] = []
         self._part: tuple[float, StatusText] | None = None
+        self._boot_offset_s: float | None = None
+        self._boot_s = 0.0
 
     @property
     def wake_at(self) -> float | None:
@@ -120,6 +126,22 @@ class Telemetry:
         if (up, heard_s) != (self.state.link_up, self.state.last_heard_s):
             self.state = replace(self.state, link_up=up, last_heard_s=heard_s)
 
+    def _stamp(self, time_boot_ms: int, now: float) -> float:
+        """Return when the vehicle sent this, on our clock: by its own clock, less the shortest way a message has had.
+
+        What waited on the link or in our own queue is older than its arrival says. A vehicle without a clock, or with
+        one that was set back, is taken at its arrival.
+        """
+        boot_s = time_boot_ms * 1e-3
+        offset_s = now - boot_s
+        if time_boot_ms == 0:
+            return now
+        if self._boot_offset_s is None or abs(offset_s - self._boot_offset_s) > _CLOCK_SET_S:
+            self._boot_offset_s = offset_s
+        self._boot_offset_s = min(offset_s, self._boot_offset_s + _CLOCK_DRIFT * max(boot_s - self._boot_s, 0.0))
+        self._boot_s = boot_s
+        return boot_s + self._boot_offset_s
+
     def _autopilot(self, message: Message, now: float) -> None:
         match message:
             case Heartbeat():
@@ -132,7 +154,7 @@ class Telemetry:
                     heading_deg=math.degrees(message.yaw) % 360.0,
                     roll_deg=math.degrees(message.roll),
                     pitch_deg=math.degrees(message.pitch),
-                    attitude_heard_s=now,
+                    attitude_heard_s=self._stamp(message.time_boot_ms, now),
                 )
             case ExtendedSysState() if message.landed_state != MavLandedState.UNDEFINED:
                 self.state = replace(self.state, in_air=message.landed_state != MavLandedState.ON_GROUND)
@@ -177,7 +199,7 @@ class Telemetry:
         self.state = replace(
             self.state,
             position=position,
-            position_heard_s=now,
+            position_heard_s=self._stamp(message.time_boot_ms, now),
             altitude_above_home_m=message.relative_alt / 1000,
             velocity_enu_mps=(message.vy / 100, message.vx / 100, -message.vz / 100),
             heading_deg=heading_deg,
@@ -194,7 +216,8 @@ class Telemetry:
     def _gimbal(self, message: GimbalDeviceAttitudeStatus, now: float) -> None:
         aim = gimbal_aim(message, self.state.heading_deg)
         if aim is not None:
-            self.state = replace(self.state, gimbal=aim, gimbal_heard_s=now)
+            heard_s = self._stamp(message.time_boot_ms, now)
+            self.state = replace(self.state, gimbal=aim, gimbal_heard_s=heard_s)
 
     def _text(self, message: StatusText, now: float) -> None:
         if self._part is not None:
