@@ -5,6 +5,7 @@ detections ──pose at that time──▶ rays ──all hosts of one moment�
                                    └─ no threat explains it ──▶ held ──▶ two hosts' meet: a candidate
 """
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -16,13 +17,14 @@ from hsop_gcs.cameras.rig import CameraRig
 from hsop_gcs.detections.association import Doubt, associate
 from hsop_gcs.detections.candidates import meetings
 from hsop_gcs.detections.detection import Detection, Reason, Refused, Unusable
-from hsop_gcs.detections.fix import Fix, fix_of
+from hsop_gcs.detections.fix import Belief, Fix, fix_of
 from hsop_gcs.detections.poses import PoseHistory
 from hsop_gcs.detections.ray import Ray, to_ray
 from hsop_gcs.detections.rules import DetectionRules
 from hsop_gcs.errors import BadInput
 from hsop_gcs.reports import Bearing, Matrix3, Measurement, Report, ReportRules, Vector3, check_time
 from hsop_gcs.tracks import Picture, Refusal, Track, TrackRules, update
+from hsop_gcs.tracks.gate import predicted
 from hsop_gcs.tracks.history import state_before
 
 SOURCE = "cameras"
@@ -260,10 +262,15 @@ class _Work:
     def _fix(self, track: Track, rays: list[Ray], time_s: float) -> Fix | None:
         if len({ray.detection.host for ray in rays}) < 2:
             return None
-        state = state_before(track.steps, time_s)
-        east, north, up = state.mean[3:].tolist()
-        speed_sigma_mps = float(np.sqrt(state.covariance[3:, 3:].trace() / 3))
-        return fix_of(rays, time_s, self._rules, velocity_mps=(east, north, up), speed_sigma_mps=speed_sigma_mps)
+        mean, covariance = predicted([state_before(track.steps, time_s)], [time_s], self._track_rules)
+        x, y, z, *velocity = mean[0].tolist()
+        belief = Belief(
+            velocity_mps=(velocity[0], velocity[1], velocity[2]),
+            speed_sigma_mps=math.sqrt(float(covariance[0, 3:, 3:].trace()) / 3),
+            position_m=(x, y, z),
+            sigma_m=math.sqrt(float(covariance[0, :3, :3].trace())),
+        )
+        return fix_of(rays, time_s, belief, self._rules)
 
     def _bearing(self, ray: Ray, track: Track) -> Bearing:
         """The tracker's bearing has one sigma; that of the ray along its two axes differs by less than a half."""

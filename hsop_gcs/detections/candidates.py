@@ -5,12 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hsop_gcs.detections.fix import Fix, fix_of
+from hsop_gcs.detections.fix import Belief, Fix, fix_of
 from hsop_gcs.detections.ray import Ray
 from hsop_gcs.detections.rules import DetectionRules
-from hsop_gcs.reports import Vector3
 
-_AT_REST: Vector3 = (0.0, 0.0, 0.0)
 _PASSING = 5.0
 """Rays that pass each other by more than so many standard deviations do not meet."""
 
@@ -79,7 +77,8 @@ def _near_pairs(rays: Sequence[Ray], rules: DetectionRules) -> list[tuple[int, i
 def _meeting(rays: Sequence[Ray], chosen: tuple[int, ...], rules: DetectionRules) -> Meeting | None:
     members = [rays[index] for index in chosen]
     time_s = max(ray.time_s for ray in members)
-    fix = fix_of(members, time_s, rules, velocity_mps=_AT_REST, speed_sigma_mps=rules.candidate_speed_mps)
+    belief = Belief(velocity_mps=(0.0, 0.0, 0.0), speed_sigma_mps=rules.candidate_speed_mps)
+    fix = fix_of(members, time_s, belief, rules)
     if fix is None or fix.ranges_m.min() < rules.nearest_m or fix.ranges_m.max() > rules.farthest_m:
         return None
     return Meeting(chosen, len({ray.detection.host for ray in members}), time_s, fix)

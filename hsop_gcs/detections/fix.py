@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,14 +34,26 @@ class Fix:
         return math.sqrt(float(np.trace(self.covariance_m2)))
 
 
-def fix_of(
-    rays: Sequence[Ray], time_s: float, rules: DetectionRules, *, velocity_mps: Vector3, speed_sigma_mps: float
-) -> Fix | None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Belief:
+    """What is known of a threat before a fix, at the fix's time, ENU."""
+
+    velocity_mps: Vector3
+    speed_sigma_mps: float
+    """Standard deviation of the velocity, each axis."""
+    position_m: Vector3 | None = None
+    sigma_m: float = math.inf
+    """Root of the trace of the position's covariance."""
+
+
+def fix_of(rays: Sequence[Ray], time_s: float, belief: Belief, rules: DetectionRules) -> Fix | None:
     """Triangulate a threat at ``time_s``; None if the rays do not meet, or too vaguely to be worth a fix.
 
-    The threat moves with ``velocity_mps``, give or take ``speed_sigma_mps`` on each axis. That, and how well the
-    hosts' own positions are known, widens each ray by its angle at the threat's distance.
+    How well the threat's flight between the exposures and the hosts' own positions are known widens each ray by their
+    angle at the threat's distance. The covariance is that of the place believed in if that is the surer one: a fix that
+    noise has put nearer to the cameras would believe itself better than one that it has put farther away.
     """
+    velocity_mps, speed_sigma_mps = belief.velocity_mps, belief.speed_sigma_mps
     elapsed_s = np.array([time_s - ray.time_s for ray in rays])
     origins = np.array([ray.origin_m for ray in rays]) + elapsed_s[:, None] * np.array(velocity_mps)
     blur_m = np.hypot(rules.host_sigma_m, speed_sigma_mps * elapsed_s)
@@ -59,7 +71,14 @@ def fix_of(
     fix = Fix(position, spread, np.linalg.norm(reach, axis=1), float(np.square(misses).sum()))
     if fix.misfit > threshold(2 * len(rays) - 3, rules.misfit_probability):
         return None
-    return fix if fix.sigma_m <= rules.widest_share * fix.ranges_m.min() else None
+    if fix.sigma_m > rules.widest_share * fix.ranges_m.min():
+        return None
+    if belief.position_m is None or belief.sigma_m >= fix.sigma_m:
+        return fix
+    believed = np.array(belief.position_m)
+    widened = _rays(rays, blur_m / np.linalg.norm(believed - origins, axis=1))
+    spread = covariance(origins, widened, believed)[0]
+    return replace(fix, covariance_m2=spread) if np.isfinite(spread).all() else fix
 
 
 def _rays(rays: Sequence[Ray], blur_rad: FloatArray) -> Rays:

@@ -6,7 +6,7 @@ import pytest
 
 from hsop_gcs.detections import DetectionRules, Ray
 from hsop_gcs.detections.candidates import Meeting, meetings
-from hsop_gcs.detections.fix import fix_of
+from hsop_gcs.detections.fix import Belief, fix_of
 from hsop_gcs.reports import Vector3
 from tests.detections.examples import METRE, NOW_S, bearing_ray
 
@@ -89,7 +89,7 @@ def test_a_fix_allows_for_the_flight_between_two_exposures() -> None:
         bearing_ray("a", WEST, (5.0, 4.0, 32.0), time_s=NOW_S),
         bearing_ray("b", SOUTH, (5.3, 4.0, 32.0), time_s=NOW_S + 0.1),
     ]
-    fix = fix_of(rays, NOW_S + 0.1, RULES, velocity_mps=(3.0, 0.0, 0.0), speed_sigma_mps=0.1)
+    fix = fix_of(rays, NOW_S + 0.1, Belief(velocity_mps=(3.0, 0.0, 0.0), speed_sigma_mps=0.1), RULES)
     assert fix is not None
     assert fix.position_m == pytest.approx((5.3, 4.0, 32.0), abs=1e-6 * METRE)
 
@@ -99,10 +99,30 @@ def test_a_fix_is_no_better_than_the_hosts_own_positions_and_the_threats_speed_a
         bearing_ray("a", WEST, FIRST, sigma_deg=0.01),
         bearing_ray("b", SOUTH, FIRST, sigma_deg=0.01, time_s=NOW_S + 0.1),
     ]
-    sure = fix_of(rays, NOW_S + 0.1, RULES, velocity_mps=(0.0, 0.0, 0.0), speed_sigma_mps=0.0)
-    vague = fix_of(rays, NOW_S + 0.1, RULES, velocity_mps=(0.0, 0.0, 0.0), speed_sigma_mps=5.0)
+    sure = fix_of(rays, NOW_S + 0.1, Belief(velocity_mps=(0.0, 0.0, 0.0), speed_sigma_mps=0.0), RULES)
+    vague = fix_of(rays, NOW_S + 0.1, Belief(velocity_mps=(0.0, 0.0, 0.0), speed_sigma_mps=5.0), RULES)
     assert sure is not None
     assert vague is not None
     # Rays at right angles: each host's 5 cm on one axis, and their mean on the third.
     assert sure.sigma_m == pytest.approx(0.05 * math.sqrt(2.5), rel=0.05)
     assert vague.sigma_m > 0.3
+
+
+def test_a_fix_that_noise_put_nearer_is_no_surer_than_one_put_farther() -> None:
+    """Two rays 3 degrees too far left or right; the track knows better where the threat is."""
+    belief = Belief(velocity_mps=(0.0, 0.0, 0.0), speed_sigma_mps=0.0, position_m=(0.0, 0.0, 30.0), sigma_m=0.5)
+    hosts: tuple[tuple[str, Vector3, float], ...] = (("a", (-10.0, -30.0, 30.0), 1.0), ("b", (10.0, -30.0, 30.0), -1.0))
+    sigmas_m = []
+    for turn_deg in (3.0, -3.0):
+        rays = [
+            bearing_ray(host, at, (0.0, 0.0, 30.0), sigma_deg=3.0, off_deg=(side * turn_deg, 0.0))
+            for host, at, side in hosts
+        ]
+        fix = fix_of(rays, NOW_S, belief, RULES)
+        assert fix is not None
+        alone = fix_of(rays, NOW_S, Belief(velocity_mps=(0.0, 0.0, 0.0), speed_sigma_mps=0.0), RULES)
+        assert alone is not None
+        sigmas_m.append((fix.sigma_m, alone.sigma_m))
+    (near, near_alone), (far, far_alone) = sigmas_m
+    assert near == pytest.approx(far, rel=0.01)
+    assert near_alone < 0.9 * far_alone
