@@ -125,7 +125,7 @@ def truth_from_json(given: Any, origin: GeodeticPoint) -> Truth:
 _Metres = Annotated[float, Field(strict=True, ge=-_FARTHEST_M, le=_FARTHEST_M)]
 _Speed = Annotated[float, Field(strict=True, ge=-200, le=200)]
 _Seconds = Annotated[float, Field(strict=True, ge=0, le=1e6)]
-_Place = tuple[_Metres, _Metres, _Metres] | tuple[_Metres, _Metres]
+_Place = Annotated[tuple[_Metres, ...], Field(min_length=2, max_length=3)]
 
 
 class _Section(BaseModel):
@@ -144,7 +144,7 @@ class _Threat(_Section):
     lat_deg: Annotated[float, Field(strict=True, ge=-90, le=90)] | None = None
     lon_deg: Annotated[float, Field(strict=True, ge=-180, le=180)] | None = None
     altitude_amsl_m: Annotated[float, Field(strict=True, ge=-1000, le=20_000)] | None = None
-    velocity_mps: tuple[_Speed, _Speed, _Speed] | tuple[_Speed, _Speed] = (0.0, 0.0, 0.0)
+    velocity_mps: Annotated[tuple[_Speed, ...], Field(min_length=2, max_length=3)] = (0.0, 0.0)
     size_m: Annotated[float, Field(strict=True, gt=0, le=50)] = 1.0
     weight: float = 1.0
     """Of a scenario; the truth does not weigh."""

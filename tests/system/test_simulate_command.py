@@ -25,6 +25,11 @@ COMMAND = [sys.executable, "-m", "hsop_gcs", "simulate"]
         (["--position", "1,2", "--vehicles", "2"], "--position: 1 given for 2"),
         (["--speed-mps", "0"], "--speed-mps: 0.0"),
         (["--loss", "1.5"], "--loss: 1.5"),
+        (["--truth", "none.json", "--detections-to", "http://127.0.0.1:9"], "--truth: cannot read 'none.json'"),
+        (["--truth", "none.json"], "--detections-to: needed with --truth"),
+        (["--truth", "none.json", "--detections-to", "127.0.0.1:9"], "--detections-to: '127.0.0.1:9'"),
+        (["--vehicles", "2", "--host-id", "h1"], "--host-id: 1 different ones given for 2"),
+        (["--detection-rate", "0"], "--detection-rate: 0.0"),
     ],
 )
 def test_a_bad_option_is_one_line_that_names_it_and_its_value(options: list[str], complaint: str) -> None:
