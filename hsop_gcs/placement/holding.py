@@ -23,8 +23,7 @@ def held_over(placement: Placement, problem: Problem) -> Placement | None:
     points = {threat.id: at for threat, at in zip(problem.threats, threat_points_m(problem), strict=True)}
     hosts = tuple(_turned(pose, placement, points) for pose in placement.hosts)
     worth = evaluate(problem, hosts, {pair.threat: pair.views for pair in placement.pairs})
-    slack = worth.margins
-    if min(slack.pixels, slack.fov_deg, slack.distance_m, slack.separation_m) < -_TOLERANCE:
+    if worth.margins.smallest < -_TOLERANCE:
         return None
     pairs = tuple(
         replace(pair, cost=worth.pair_costs[pair.threat], expected_error_m=worth.expected_errors_m[pair.threat])

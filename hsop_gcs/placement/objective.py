@@ -1,12 +1,13 @@
 """What given poses are worth: cost (Eq. 8), constraint margins (Eqs. 9-11) and expected error. The exact reference.
 
-Nothing here is in a hurry; the solvers' kernels are held against it. Geometry of cost and margins is plane, as in the
-letter: the third coordinate counts only for the expected error.
+Nothing here is in a hurry; the solvers' kernels are held against it. The operational formulation is that of the letter
+with distances and angles in space; the letter's own is plane, and the third coordinate counts only for its expected
+error.
 """
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -31,10 +32,26 @@ class Margins:
     fov_deg: float = math.inf
     distance_m: float = math.inf
     separation_m: float = math.inf
+    fence_m: float = math.inf
+    keep_out_m: float = math.inf
+    altitude_m: float = math.inf
+
+    @property
+    def smallest(self) -> float:
+        """The smallest of all, whatever its unit: negative if a constraint is broken."""
+        return min(
+            self.pixels,
+            self.fov_deg,
+            self.distance_m,
+            self.separation_m,
+            self.fence_m,
+            self.keep_out_m,
+            self.altitude_m,
+        )
 
     @property
     def feasible(self) -> bool:
-        return min(self.pixels, self.fov_deg, self.distance_m, self.separation_m) >= 0
+        return self.smallest >= 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +68,27 @@ class Evaluation:
 def threat_points_m(problem: Problem) -> FloatArray:
     """Return where every threat is now and after the horizon (Eq. 7): (threats, 2 points, 3), ENU metres."""
     return np.array([[t.position_m, t.predicted_m(problem.horizon_s)] for t in problem.threats], dtype=np.float64)
+
+
+def threat_ways_m(problem: Problem) -> FloatArray:
+    """Return the ends of the ways that hosts keep clear of: (threats, 2, 3), ENU metres; they begin ``lead_s`` ago."""
+    ends = threat_points_m(problem)
+    ends[:, 0] = [threat.predicted_m(-problem.lead_s) for threat in problem.threats]
+    return ends
+
+
+def hover_altitudes_m(problem: Problem) -> tuple[float, float]:
+    """Return the lowest and the highest altitude at which the problem lets hosts hover, metres."""
+    up = threat_points_m(problem)[:, :, 2]
+    if problem.formulation is Formulation.LETTER:
+        return float(up.mean()), float(up.mean())
+    floor, ceiling = problem.airspace.floor_m, problem.airspace.ceiling_m
+    low, high = float(up.min()), float(up.max())
+    if floor is not None:
+        low, high = floor, max(high, floor)
+    if ceiling is not None:
+        low, high = min(low, ceiling), ceiling
+    return low, high
 
 
 def weight(problem: Problem, threat: Threat) -> float:
@@ -74,23 +112,47 @@ def plane_distance(origin_m: npt.ArrayLike, point_m: npt.ArrayLike) -> float:
 
 
 def segment_distance(point_m: npt.ArrayLike, start_m: npt.ArrayLike, end_m: npt.ArrayLike) -> float:
-    """Return the distance of a point from a straight path, in the plane, metres."""
-    point, start, end = (np.asarray(p, dtype=np.float64)[:2] for p in (point_m, start_m, end_m))
+    """Return the distance of a point from a straight path, in the plane or in space, metres."""
+    point, start, end = (np.asarray(p, dtype=np.float64) for p in (point_m, start_m, end_m))
     along = end - start
     length_squared = float(along @ along)
     fraction = 0.0 if length_squared == 0 else min(1.0, max(0.0, float((point - start) @ along) / length_squared))
     return math.dist(point, start + fraction * along)
 
 
+def angle_between(first: npt.ArrayLike, second: npt.ArrayLike) -> float:
+    """Return the angle between two directions (3,), radians in [0, π]."""
+    a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
+    return math.atan2(float(np.linalg.norm(np.cross(a, b))), float(a @ b))
+
+
+def ray(pose: HoverPose, point_m: npt.ArrayLike) -> FloatArray:
+    """Return the vector from a host to a point (2 or 3,); a point without an altitude is at the host's."""
+    point = np.asarray(point_m, dtype=np.float64)
+    if len(point) == 2:
+        point = np.append(point, pose.position_m[2])
+    return np.asarray(point - np.array(pose.position_m))
+
+
 def angle_from_nearer_boresight(pose: HoverPose, point_m: npt.ArrayLike) -> float:
-    """Return θ of Eq. 1 for the fisheye that faces the point, radians in [0, π/2]."""
-    off = abs(wrapped(compass_bearing(pose.position_m, point_m) - math.radians(pose.heading_deg)))
+    """Return θ of Eq. 1 for the fisheye that faces the point, radians in [0, π/2]. Boresights are level."""
+    heading = math.radians(pose.heading_deg)
+    off = angle_between((math.sin(heading), math.cos(heading), 0.0), ray(pose, point_m))
     return min(off, math.pi - off)
+
+
+def angle_from_central_axis(pose: HoverPose, point_m: npt.ArrayLike) -> float:
+    """Return how far a point is off the axis of the central camera, radians; not a number while it is not in use."""
+    if pose.pan_deg is None:
+        return math.nan
+    pan, tilt = math.radians(pose.pan_deg), math.radians(pose.tilt_deg)
+    axis = (math.cos(tilt) * math.sin(pan), math.cos(tilt) * math.cos(pan), math.sin(tilt))
+    return angle_between(axis, ray(pose, point_m))
 
 
 def pixel_width(rig: CameraRig, size_m: float, pose: HoverPose, camera: CameraKind, point_m: npt.ArrayLike) -> float:
     """Return the width of an object at a point in the image of one of the host's cameras, pixels (Eqs. 3 and 4)."""
-    distance = plane_distance(pose.position_m, point_m)
+    distance = float(np.linalg.norm(ray(pose, point_m)))
     if camera is CameraKind.CENTRAL:
         return float(rig.central.pixel_width(size_m, distance))
     return float(rig.peripheral.pixel_width(size_m, distance, angle_from_nearer_boresight(pose, point_m)))
@@ -105,77 +167,119 @@ def pair_cost(
     """
     total = 0.0
     for point in points_m:
-        factor, bearings = 1.0, []
+        factor, rays = 1.0, []
         for pose, camera in views:
             pixels = pixel_width(rig, size_m, pose, camera, point)
-            factor *= plane_distance(pose.position_m, point) / pixels if pixels > 0 else math.inf
-            bearings.append(compass_bearing(pose.position_m, point))
-        sine = abs(math.sin(bearings[1] - bearings[0]))
+            rays.append(ray(pose, point))
+            factor *= float(np.linalg.norm(rays[-1])) / pixels if pixels > 0 else math.inf
+        sine = math.sin(angle_between(*rays))
         total += factor / sine if sine > 0 else math.inf
     return total
 
 
-def expected_error_m(rig: CameraRig, points_m: FloatArray, views: Sequence[tuple[HoverPose, CameraKind]]) -> float:
-    """Predict the root-mean-square error of a triangulated position, metres, to first order in the pixel noise.
+def noise_rad(rig: CameraRig, attitude_sigma_rad: float = 0.0) -> dict[CameraKind, float]:
+    """Return the standard deviation of a ray's direction, each axis across it: pixel noise and the camera's attitude.
 
-    points_m: (points, 3), ENU. At each point the two rays, of unit directions uᵢ and lengths dᵢ, carry the information
-    J = Σ (I - uᵢuᵢᵀ) / (σᵢdᵢ)² with the angular noise σᵢ = pixel noise / focal length in pixels (a fisheye's pixels
-    are equal angles; a pinhole's are so near its axis). The mean squared error there is trace J⁻¹, which for level rays
-    is ((σ₁d₁)² + (σ₂d₂)²) / sin²θ across and 1 / ((σ₁d₁)⁻² + (σ₂d₂)⁻²) upwards; the points count equally.
-    Infinite if the rays are parallel.
+    A fisheye's pixels are equal angles; a pinhole's are so near its axis.
     """
-    noise_rad = {
-        CameraKind.PERIPHERAL: PIXEL_NOISE_PX[CameraKind.PERIPHERAL] / rig.peripheral.focal_length_px,
-        CameraKind.CENTRAL: PIXEL_NOISE_PX[CameraKind.CENTRAL] / rig.central.focal_length_px,
+    focal_px = {
+        CameraKind.PERIPHERAL: rig.peripheral.focal_length_px,
+        CameraKind.CENTRAL: rig.central.focal_length_px,
     }
+    return {
+        kind: math.hypot(PIXEL_NOISE_PX[kind] / focal, attitude_sigma_rad)
+        if attitude_sigma_rad
+        else PIXEL_NOISE_PX[kind] / focal
+        for kind, focal in focal_px.items()
+    }
+
+
+def expected_error_m(
+    rig: CameraRig,
+    points_m: FloatArray,
+    views: Sequence[tuple[HoverPose, CameraKind]],
+    *,
+    position_sigma_m: float = 0.0,
+    attitude_sigma_rad: float = 0.0,
+) -> float:
+    """Predict the root-mean-square error of a triangulated position, metres, to first order in the noise.
+
+    points_m: (points, 3), ENU. views: two or more. At each point the rays, of unit directions uᵢ and lengths dᵢ, carry
+    the information J = Σ (I - uᵢuᵢᵀ) / sᵢ², sᵢ² = (σᵢdᵢ)² + (host's position noise)², with the angular noise σᵢ of
+    ``noise_rad``. The mean squared error there is trace J⁻¹, which for two level rays is (s₁² + s₂²) / sin²θ across
+    and 1 / (s₁⁻² + s₂⁻²) upwards; the points count equally. Infinite if the rays are parallel.
+    """
+    angular = noise_rad(rig, attitude_sigma_rad)
     squares = []
     for point in points_m:
         information = np.zeros((3, 3))
         for pose, camera in views:
-            ray = point - np.array(pose.position_m)
-            length = float(np.linalg.norm(ray))
-            across = np.eye(3) - np.outer(ray, ray) / length**2
-            information += across / (noise_rad[camera] * length) ** 2
+            sight = ray(pose, point)
+            length = float(np.linalg.norm(sight))
+            across = np.eye(3) - np.outer(sight, sight) / length**2
+            information += across / ((angular[camera] * length) ** 2 + position_sigma_m**2)
         smallest = float(np.linalg.eigvalsh(information)[0])
         parallel = smallest <= 1e-14 * float(np.trace(information))
         squares.append(math.inf if parallel else float(np.trace(np.linalg.inv(information))))
     return math.sqrt(sum(squares) / len(squares))
 
 
+def _as_formulated(problem: Problem, hosts: Sequence[HoverPose]) -> tuple[list[HoverPose], FloatArray, FloatArray]:
+    """Return hosts, threats' points and ways as the formulation sees them: the letter's lie in one plane."""
+    points, ways = threat_points_m(problem), threat_ways_m(problem)
+    if problem.formulation is Formulation.OPERATIONAL:
+        return list(hosts), points, ways
+    points[:, :, 2] = ways[:, :, 2] = 0.0
+    return [replace(h, position_m=(*h.position_m[:2], 0.0), tilt_deg=0.0) for h in hosts], points, ways
+
+
 def margins(problem: Problem, hosts: Sequence[HoverPose], views: Views) -> Margins:
-    """Return the slack of every constraint of the problem's formulation (Eqs. 9-11; design: paths and separation)."""
-    rig, poses = problem.rig, {pose.host: pose for pose in hosts}
-    pixels, fov_deg, distance_m, separation_m = [math.inf], [math.inf], [math.inf], [math.inf]
-    for threat, points in zip(problem.threats, threat_points_m(problem), strict=True):
+    """Return the slack of every constraint of the problem's formulation (Eqs. 9-11; design: what we fly)."""
+    rig = problem.rig
+    hosts, all_points, ways = _as_formulated(problem, hosts)
+    poses = {pose.host: pose for pose in hosts}
+    pixels, fov_deg, distance_m = [math.inf], [math.inf], [math.inf]
+    for threat, points in zip(problem.threats, all_points, strict=True):
         for view in views[threat.id]:
             pose = poses[view.host]
             needed = rig.central.min_pixels if view.camera is CameraKind.CENTRAL else rig.peripheral.min_pixels
             for point in points:
                 pixels.append(pixel_width(rig, threat.size_m, pose, view.camera, point) - needed)
-                distance_m.append(plane_distance(pose.position_m, point) - problem.safety_distance_m)
+                distance_m.append(math.dist(pose.position_m, point) - problem.safety_distance_m)
                 if view.camera is CameraKind.CENTRAL:
-                    bearing = compass_bearing(pose.position_m, point)
-                    pan = math.nan if pose.pan_deg is None else math.radians(pose.pan_deg)
-                    fov_deg.append(rig.central.fov_deg / 2 - abs(math.degrees(wrapped(bearing - pan))))
-        if problem.formulation is Formulation.OPERATIONAL:
-            distance_m += [segment_distance(p.position_m, *points) - problem.safety_distance_m for p in hosts]
-    if problem.formulation is Formulation.OPERATIONAL:
-        separation_m += [
-            plane_distance(a.position_m, b.position_m) - problem.min_separation_m
-            for i, a in enumerate(hosts)
-            for b in hosts[:i]
-        ]
-    return Margins(pixels=min(pixels), fov_deg=min(fov_deg), distance_m=min(distance_m), separation_m=min(separation_m))
+                    fov_deg.append(rig.central.fov_deg / 2 - math.degrees(angle_from_central_axis(pose, point)))
+    slack = Margins(pixels=min(pixels), fov_deg=min(fov_deg), distance_m=min(distance_m))
+    if problem.formulation is Formulation.LETTER:
+        return slack
+    places, airspace = [pose.position_m for pose in hosts], problem.airspace
+    distance_m += [segment_distance(p, *way) - problem.safety_distance_m for p in places for way in ways]
+    apart_m = [math.dist(a, b) - problem.min_separation_m for i, a in enumerate(places) for b in places[:i]]
+    return replace(
+        slack,
+        distance_m=min(distance_m),
+        separation_m=min(apart_m, default=math.inf),
+        fence_m=min(map(airspace.fence_room_m, places), default=math.inf),
+        keep_out_m=min(map(airspace.keep_out_room_m, places), default=math.inf),
+        altitude_m=min((airspace.altitude_room_m(up) for _, _, up in places), default=math.inf),
+    )
 
 
 def evaluate(problem: Problem, hosts: Sequence[HoverPose], views: Views) -> Evaluation:
     """Return what a placement is worth. ``views`` holds every threat's pair; unknown hosts are a KeyError."""
-    poses = {pose.host: pose for pose in hosts}
+    in_space = {pose.host: pose for pose in hosts}
+    formulated, all_points, _ = _as_formulated(problem, hosts)
+    poses = {pose.host: pose for pose in formulated}
     costs, errors = {}, {}
-    for threat, points in zip(problem.threats, threat_points_m(problem), strict=True):
+    for threat, points, ends in zip(problem.threats, all_points, threat_points_m(problem), strict=True):
         seen_by = [(poses[view.host], view.camera) for view in views[threat.id]]
         costs[threat.id] = weight(problem, threat) * pair_cost(problem.rig, threat.size_m, points, seen_by)
-        errors[threat.id] = expected_error_m(problem.rig, points, seen_by)
+        errors[threat.id] = expected_error_m(
+            problem.rig,
+            ends,
+            [(in_space[view.host], view.camera) for view in views[threat.id]],
+            position_sigma_m=problem.position_sigma_m,
+            attitude_sigma_rad=problem.attitude_sigma_rad,
+        )
     return Evaluation(
         cost=sum(costs.values()),
         pair_costs=costs,

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from hsop_gcs.cameras.rig import CameraRig
+from hsop_gcs.placement.airspace import Airspace
 
 Point = tuple[float, float, float]
 """East, north, up, metres (or metres per second), local frame."""
@@ -58,4 +59,12 @@ class Problem:
     formulation: Formulation = Formulation.OPERATIONAL
     objective: Objective = Objective.LETTER
     min_separation_m: float = 10.0
-    """Between hover points; operational formulation only."""
+    """Between hover points; this and all that follows counts in the operational formulation only."""
+    airspace: Airspace = field(default_factory=Airspace)
+    """Where hosts may hover. Without floor and ceiling they keep to the altitudes of the threats."""
+    lead_s: float = 0.0
+    """The safety distance holds this long before the threats are where they are said to be: the hosts' way there."""
+    position_sigma_m: float = 0.0
+    """Standard deviation of a host's own position, each axis; counts in the expected error."""
+    attitude_sigma_rad: float = 0.0
+    """Standard deviation of a camera's attitude, about each axis across its rays; counts in the expected error."""

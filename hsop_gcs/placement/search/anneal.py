@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hsop_gcs.placement.search.areas import back_inside
 from hsop_gcs.placement.search.chance import State as Chance
 from hsop_gcs.placement.search.chance import bell, below, uniform
 from hsop_gcs.placement.search.compiled import kernel, lean_kernel
@@ -143,13 +144,15 @@ def totals(q: Question, s: State) -> tuple[float, float]:
 
 @lean_kernel
 def keep_clear(q: Question, s: State, host: int) -> None:
-    """Push a host out of the safety zones that count for it."""
+    """Push a host out of the safety zones that count for it, and to where it may hover."""
     radius = q.safety_m * (1 + 1e-7)
     for _ in range(3):
         moved = False
         if q.whole_path:
             for threat in range(q.points_m.shape[0]):
-                x, y, z = path_offset(q, threat, s.positions[host, 0], s.positions[host, 1], s.positions[host, 2])
+                x, y, z = path_offset(
+                    q.paths_m, threat, s.positions[host, 0], s.positions[host, 1], s.positions[host, 2]
+                )
                 d = math.sqrt(x * x + y * y + z * z)
                 if d < radius * (1 - 1e-9) and d > 1e-6:
                     push = radius / d - 1
@@ -171,6 +174,11 @@ def keep_clear(q: Question, s: State, host: int) -> None:
                         s.positions[host, 1] += push * y
                         s.positions[host, 2] += push * z
                         moved = True
+        if q.areas.shape[0] > 0:
+            x, y, z = s.positions[host, 0], s.positions[host, 1], s.positions[host, 2]
+            x, y, z = back_inside(q.sides_m, q.areas, x, y, z)
+            moved |= x != s.positions[host, 0] or y != s.positions[host, 1] or z != s.positions[host, 2]
+            s.positions[host, 0], s.positions[host, 1], s.positions[host, 2] = x, y, z
         s.positions[host, 2] = max(q.floor_m, min(q.ceiling_m, s.positions[host, 2]))
         if not moved:
             break

@@ -8,7 +8,15 @@ from concurrent.futures import Executor
 import numpy as np
 
 from hsop_gcs.placement.search.compiled import kernel, lean_kernel
-from hsop_gcs.placement.search.model import CENTRAL, Floats, Question, pair_cost, path_offset, threat_cost
+from hsop_gcs.placement.search.model import (
+    CENTRAL,
+    Floats,
+    Question,
+    distance_factor,
+    pair_cost,
+    path_offset,
+    threat_cost,
+)
 
 FEW_BOXES = 80_000
 """Pairs of boxes looked at for a first bound, all threats together; a few hundredths of a second."""
@@ -20,11 +28,31 @@ def lower_bound(q: Question, executor: Executor, *, thorough: bool) -> float:
     """Return a cost that no placement goes below, whatever the number of hosts.
 
     The sum over threats of the least that a pair of hosts of its own can cost: sharing hosts between threats only adds
-    constraints. Each term is proven by branch and bound over boxes for the two hosts.
+    constraints. Each term is proven by branch and bound over boxes for the two hosts where all altitudes are equal;
+    otherwise it is that of two views at right angles from as near as is safe.
     """
     threats = range(len(q.weight))
+    if not q.plane:
+        return sum(nearest_views_bound(q, threat) for threat in threats)
     most = MANY_BOXES if thorough else max(4_000, FEW_BOXES // len(threats))
     return float(sum(executor.map(lambda threat: own_pair_bound(q, threat, most), threats)))
+
+
+def nearest_views_bound(q: Question, threat: int) -> float:
+    """Return a cost that no two hosts anywhere in space go below for a threat; infinite if none can see it."""
+    total = 0.0
+    for k in range(2):
+        height = q.points_m[threat, k, 2]
+        nearest = max(q.safety_m, q.floor_m - height, height - q.ceiling_m)
+        factors = [
+            distance_factor(q, camera, threat, nearest) / (1.0 if q.rms else largest_size(q, camera))
+            for camera in range(2)
+            if nearest <= q.range_m[camera, threat] * largest_size(q, camera)
+        ]
+        if not factors:
+            return math.inf
+        total += pair_cost(q, min(factors), min(factors), 1.0)
+    return float(threat_cost(q, threat, total))
 
 
 @lean_kernel
@@ -35,7 +63,7 @@ def factor_bound(q: Question, threat: int, camera: int, x: float, y: float, radi
     if nearest > q.range_m[camera, threat] * largest_size(q, camera):
         return math.inf
     scale = 1.0 if q.rms else largest_size(q, camera)
-    return float(q.factor[camera, threat] * (nearest if q.rms else nearest * nearest) / scale)
+    return float(distance_factor(q, camera, threat, nearest) / scale)
 
 
 @lean_kernel
@@ -71,7 +99,7 @@ def fits_window(q: Question, threat: int, x: float, y: float, radius: float) -> 
 def allowed(q: Question, threat: int, x: float, y: float, radius: float) -> bool:
     """Return whether a disc reaches out of the threat's own safety zone."""
     if q.whole_path:
-        ox, oy, _ = path_offset(q, threat, x, y, q.points_m[threat, 0, 2])
+        ox, oy, _ = path_offset(q.points_m, threat, x, y, q.points_m[threat, 0, 2])
         return math.hypot(ox, oy) + radius >= q.safety_m
     for k in range(2):
         if math.hypot(q.points_m[threat, k, 0] - x, q.points_m[threat, k, 1] - y) + radius < q.safety_m:

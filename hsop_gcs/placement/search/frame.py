@@ -4,8 +4,9 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
+import numpy.typing as npt
 
-from hsop_gcs.placement.search.model import Floats
+Floats = npt.NDArray[np.float64]
 
 GRID_M = 1e-6
 """Points are rounded to this, so that the rounding errors of a turned scenario do not send a search elsewhere."""

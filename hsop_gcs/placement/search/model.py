@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from hsop_gcs.placement.search.areas import trespass
 from hsop_gcs.placement.search.compiled import lean_kernel
 
 Floats = npt.NDArray[np.float64]
@@ -21,13 +22,16 @@ PERIPHERAL = 0
 CENTRAL = 1
 SMALLEST_SINE = 0.02
 SMALLEST_RELATIVE_SIZE = 0.03
+CONE_STEPS = 12
 
 
 class Question(NamedTuple):
     """A placement problem as plain arrays, in the frame of the search."""
 
     points_m: Floats
-    """(threats, 2, 3): where every threat is now and after the horizon."""
+    """(threats, 2, 3): where every threat is when the window opens and after the horizon."""
+    paths_m: Floats
+    """(threats, 2, 3): the ends of the ways that hosts keep clear of: from now to the window's end."""
     weight: Floats
     range_m: Floats
     """(2, threats): how far the peripheral (on its boresight) and the central camera detect each threat."""
@@ -43,9 +47,16 @@ class Question(NamedTuple):
     whole_path: bool
     """The safety distance holds for every host to every threat's path, not only to the points it sees."""
     rms: bool
+    position_sigma_m: float
+    """Of a host's own position, each axis; rms only."""
+    plane: bool
+    """All threats and hosts are at one altitude."""
     floor_m: float
     ceiling_m: float
-    """Equal to the floor: plane geometry."""
+    """Hosts hover in between; equal to the floor: altitudes are not searched."""
+    sides_m: Floats
+    """Of the fence and the keep-out areas; see ``areas``."""
+    areas: Floats
 
 
 @lean_kernel
@@ -73,6 +84,17 @@ def pair_cost(q: Question, first: float, second: float, sine: float) -> float:
 
 
 @lean_kernel
+def distance_factor(q: Question, camera: int, threat: int, d: float) -> float:
+    """Return a view's factor on the boresight at a distance; rms: the deviation of its ray at the threat, metres."""
+    if not q.rms:
+        return float(q.factor[camera, threat] * (d * d))
+    across = q.factor[camera, threat] * d
+    if q.position_sigma_m > 0:
+        return math.sqrt(across * across + q.position_sigma_m * q.position_sigma_m)
+    return float(across)
+
+
+@lean_kernel
 def threat_cost(q: Question, threat: int, both_points: float) -> float:
     """Return a threat's cost from the sum over its points; rms: weight times the root of their mean."""
     if q.rms:
@@ -97,8 +119,8 @@ def edge_energy(
         sine = math.sqrt(max(1 - cosine * cosine, SMALLEST_SINE * SMALLEST_SINE))
         if cosine * cosine > 1 - SMALLEST_SINE * SMALLEST_SINE:
             violation += 1e-3
-        fi = q.factor[camera_i, threat] * (di if q.rms else di * di)
-        fj = q.factor[camera_j, threat] * (dj if q.rms else dj * dj)
+        fi = distance_factor(q, camera_i, threat, di)
+        fj = distance_factor(q, camera_j, threat, dj)
         if camera_i == PERIPHERAL:
             size = relative_size(abs(ex * axes[i, 0] + ey * axes[i, 1]) / di, q.distortion)
             violation += max(0.0, di / q.range_m[0, threat] - size)
@@ -120,10 +142,10 @@ def edge_energy(
 
 
 @lean_kernel
-def path_offset(q: Question, threat: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return the vector from the nearest point of a threat's predicted path to (x, y, z)."""
-    ax, ay, az = q.points_m[threat, 0, 0], q.points_m[threat, 0, 1], q.points_m[threat, 0, 2]
-    bx, by, bz = q.points_m[threat, 1, 0] - ax, q.points_m[threat, 1, 1] - ay, q.points_m[threat, 1, 2] - az
+def path_offset(ends_m: Floats, threat: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Return the vector from the nearest point of a threat's way, given all ways' ends, to (x, y, z)."""
+    ax, ay, az = ends_m[threat, 0, 0], ends_m[threat, 0, 1], ends_m[threat, 0, 2]
+    bx, by, bz = ends_m[threat, 1, 0] - ax, ends_m[threat, 1, 1] - ay, ends_m[threat, 1, 2] - az
     length = bx * bx + by * by + bz * bz
     s = 0.0
     if length > 0:
@@ -144,14 +166,13 @@ def wrapped(angle: float) -> float:
 @lean_kernel
 def view_window(
     q: Question, positions: Floats, host: int, incident: Ints, degree: int, cameras: Ints
-) -> tuple[float, float, float, float, int]:
-    """Return the lowest and highest bearing and elevation of what a host sees centrally, and how many threats that is.
+) -> tuple[float, float, int]:
+    """Return the lowest and highest bearing of what a host sees centrally, and how many threats that is.
 
     ``incident`` lists the host's views as 2 * threat + end. Bearings are unwrapped around the first.
     """
     reference = 0.0
     low = high = 0.0
-    down, up = 10.0, -10.0
     count = 0
     for n in range(degree):
         view = incident[n]
@@ -160,57 +181,108 @@ def view_window(
         for k in range(2):
             ex = q.points_m[view // 2, k, 0] - positions[host, 0]
             ey = q.points_m[view // 2, k, 1] - positions[host, 1]
-            ez = q.points_m[view // 2, k, 2] - positions[host, 2]
             bearing = math.atan2(ex, ey)
             if count == 0 and k == 0:
                 reference = bearing
             off = wrapped(bearing - reference)
             low = min(low, off)
             high = max(high, off)
-            if q.ceiling_m > q.floor_m:
-                elevation = math.atan2(ez, math.sqrt(ex * ex + ey * ey))
-                down = min(down, elevation)
-                up = max(up, elevation)
         count += 1
-    if up < down:
-        down = up = 0.0
-    return reference + low, reference + high, down, up, count
+    return reference + low, reference + high, count
 
 
 @lean_kernel
-def path_violation(q: Question, positions: Floats, host: int) -> float:
-    """Return how far a host stands inside the safety zones around whole paths."""
+def direction(q: Question, positions: Floats, host: int, threat: int, k: int) -> tuple[float, float, float]:
+    """Return the unit vector from a host to a point of a threat."""
+    x = q.points_m[threat, k, 0] - positions[host, 0]
+    y = q.points_m[threat, k, 1] - positions[host, 1]
+    z = q.points_m[threat, k, 2] - positions[host, 2]
+    d = math.sqrt(x * x + y * y + z * z) + 1e-12
+    return x / d, y / d, z / d
+
+
+@lean_kernel
+def farthest_off(
+    q: Question, positions: Floats, host: int, incident: Ints, degree: int, cameras: Ints, x: float, y: float, z: float
+) -> tuple[float, float, float, float]:
+    """Return, of what a host sees centrally, the direction farthest from (x, y, z), and the cosine between them."""
+    least, fx, fy, fz = 2.0, x, y, z
+    for n in range(degree):
+        view = incident[n]
+        if cameras[view // 2, view % 2] == CENTRAL:
+            for k in range(2):
+                ux, uy, uz = direction(q, positions, host, view // 2, k)
+                cosine = ux * x + uy * y + uz * z
+                if cosine < least:
+                    least, fx, fy, fz = cosine, ux, uy, uz
+    return least, fx, fy, fz
+
+
+@lean_kernel
+def central_cone(
+    q: Question, positions: Floats, host: int, incident: Ints, degree: int, cameras: Ints
+) -> tuple[float, float, float, float]:
+    """Return the axis of a cone around all that a host sees centrally, and the angle across it; 0 for nothing.
+
+    The cone is the narrowest for a single threat, and for several the narrowest but for little: the axis goes from
+    the middle between two far directions towards whatever is farthest, in ever smaller steps.
+    """
+    least, ax, ay, az = farthest_off(q, positions, host, incident, degree, cameras, 0.0, 0.0, 0.0)
+    if least > 1.5:
+        return 0.0, 1.0, 0.0, 0.0
+    _, ax, ay, az = farthest_off(q, positions, host, incident, degree, cameras, ax, ay, az)
+    _, bx, by, bz = farthest_off(q, positions, host, incident, degree, cameras, ax, ay, az)
+    x, y, z = ax + bx, ay + by, az + bz
+    best, kx, ky, kz = -2.0, 0.0, 1.0, 0.0
+    for n in range(CONE_STEPS):
+        norm = math.sqrt(x * x + y * y + z * z)
+        if norm < 1e-6:
+            break
+        x, y, z = x / norm, y / norm, z / norm
+        least, fx, fy, fz = farthest_off(q, positions, host, incident, degree, cameras, x, y, z)
+        if least > best:
+            best, kx, ky, kz = least, x, y, z
+        # No cone is narrower than the two directions it was begun with.
+        if least >= ax * x + ay * y + az * z - 1e-12 and n == 0:
+            break
+        share = 0.5 / (n + 2)
+        x, y, z = x + share * (fx - x), y + share * (fy - y), z + share * (fz - z)
+    return kx, ky, kz, 2 * math.acos(max(-1.0, min(1.0, best)))
+
+
+@lean_kernel
+def place_violation(q: Question, positions: Floats, host: int) -> float:
+    """Return how far a host stands inside the safety zones around whole paths, and where it may not hover."""
     violation = 0.0
     if q.whole_path:
         for threat in range(q.points_m.shape[0]):
-            x, y, z = path_offset(q, threat, positions[host, 0], positions[host, 1], positions[host, 2])
+            x, y, z = path_offset(q.paths_m, threat, positions[host, 0], positions[host, 1], positions[host, 2])
             violation += max(0.0, 1 - math.sqrt(x * x + y * y + z * z) / q.safety_m)
-    return violation
+    return violation + trespass(q.sides_m, q.areas, positions[host, 0], positions[host, 1], positions[host, 2])
 
 
 @lean_kernel
 def host_violation(q: Question, positions: Floats, host: int, incident: Ints, degree: int, cameras: Ints) -> float:
-    """Return how far one host's central window exceeds the field of view, and how far it stands inside safety zones."""
+    """Return by how much what a host sees centrally exceeds the field of view, and its place is not allowed."""
     violation = 0.0
-    if q.ceiling_m <= q.floor_m:
-        alone = -1
-        for n in range(degree):
-            view = incident[n]
-            if cameras[view // 2, view % 2] == CENTRAL:
-                alone = view // 2 if alone == -1 else -2
-        if alone >= 0:
-            ex, ey = q.points_m[alone, 0, 0] - positions[host, 0], q.points_m[alone, 0, 1] - positions[host, 1]
-            gx, gy = q.points_m[alone, 1, 0] - positions[host, 0], q.points_m[alone, 1, 1] - positions[host, 1]
-            inner = ex * gx + ey * gy
-            if inner < q.fov_cosine * math.sqrt((ex * ex + ey * ey) * (gx * gx + gy * gy)):
-                violation += abs(math.atan2(ex * gy - ey * gx, inner)) - q.fov_rad
-            alone = -1
-        if alone == -1:
-            return violation + path_violation(q, positions, host)
-    low, high, down, up, count = view_window(q, positions, host, incident, degree, cameras)
-    if count > 0:
-        violation += max(0.0, high - low - q.fov_rad) + max(0.0, up - down - q.fov_rad)
-    return violation + path_violation(q, positions, host)
+    if not q.plane:
+        _, _, _, angle = central_cone(q, positions, host, incident, degree, cameras)
+        return max(0.0, angle - q.fov_rad) + place_violation(q, positions, host)
+    alone = -1
+    for n in range(degree):
+        view = incident[n]
+        if cameras[view // 2, view % 2] == CENTRAL:
+            alone = view // 2 if alone == -1 else -2
+    if alone >= 0:
+        ex, ey = q.points_m[alone, 0, 0] - positions[host, 0], q.points_m[alone, 0, 1] - positions[host, 1]
+        gx, gy = q.points_m[alone, 1, 0] - positions[host, 0], q.points_m[alone, 1, 1] - positions[host, 1]
+        inner = ex * gx + ey * gy
+        if inner < q.fov_cosine * math.sqrt((ex * ex + ey * ey) * (gx * gx + gy * gy)):
+            violation += abs(math.atan2(ex * gy - ey * gx, inner)) - q.fov_rad
+    elif alone == -2:
+        low, high, _ = view_window(q, positions, host, incident, degree, cameras)
+        violation += max(0.0, high - low - q.fov_rad)
+    return violation + place_violation(q, positions, host)
 
 
 @lean_kernel

@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from hsop_gcs.placement.search.anneal import State, refresh, totals
+from hsop_gcs.placement.search.areas import STRICTER_M, fence_room, keep_out_room
 from hsop_gcs.placement.search.compiled import kernel
 from hsop_gcs.placement.search.model import (
     CENTRAL,
@@ -18,12 +19,13 @@ from hsop_gcs.placement.search.model import (
     Floats,
     Ints,
     Question,
+    distance_factor,
     path_offset,
     threat_cost,
     wrapped,
 )
 
-COST, PIXELS, END_POINT, PATH, PAN, TILT, SEPARATION, FLOOR, CEILING = range(9)
+COST, PIXELS, END_POINT, PATH, PAN, CONE, SEPARATION, FLOOR, CEILING, FENCE, KEEP_OUT = range(11)
 NEAR_M = 40.0
 """Rules that are farther than this from being broken are left out of a local solve."""
 DIFFERENCE = 1e-6
@@ -62,8 +64,10 @@ def view_terms(
     d = math.sqrt(ex * ex + ey * ey + ez * ez)
     ux, uy, uz = ex / d, ey / d, ez / d
     direction[0], direction[1], direction[2], direction[3] = ux, uy, uz, d
-    base = q.factor[camera, threat] * (d if q.rms else d * d)
-    power = 1.0 if q.rms else 2.0
+    base = distance_factor(q, camera, threat, d)
+    power = 2.0
+    if q.rms:
+        power = 1.0 if q.position_sigma_m <= 0 else 1 - (q.position_sigma_m / base) ** 2
     reach = q.range_m[camera, threat]
     if camera == CENTRAL:
         factor[0] = base
@@ -145,7 +149,7 @@ def element(q: Question, e: Ints, poses: Floats, g: Floats, work: Floats) -> flo
     if kind in (END_POINT, PATH, SEPARATION):
         radius = q.safety_m
         if kind == PATH:
-            x, y, z = path_offset(q, e[3], poses[i, 0], poses[i, 1], poses[i, 2])
+            x, y, z = path_offset(q.paths_m, e[3], poses[i, 0], poses[i, 1], poses[i, 2])
         elif kind == END_POINT:
             x = poses[i, 0] - q.points_m[e[3], e[4], 0]
             y = poses[i, 1] - q.points_m[e[3], e[4], 1]
@@ -164,7 +168,15 @@ def element(q: Question, e: Ints, poses: Floats, g: Floats, work: Floats) -> flo
     if kind == CEILING:
         g[2] = -0.1
         return float(0.1 * (q.ceiling_m - poses[i, 2]))
-    # PAN and TILT: the field of view less the angle between two points.
+    if kind == FENCE:
+        room, gx, gy = fence_room(q.sides_m, q.areas, poses[i, 0], poses[i, 1])
+        g[0], g[1] = 0.1 * gx, 0.1 * gy
+        return float(0.1 * (room - STRICTER_M))
+    if kind == KEEP_OUT:
+        room, gx, gy, gz = keep_out_room(q.sides_m, q.areas, e[3], poses[i, 0], poses[i, 1], poses[i, 2])
+        g[0], g[1], g[2] = 0.1 * gx, 0.1 * gy, 0.1 * gz
+        return float(0.1 * (room - STRICTER_M))
+    # PAN and CONE: the field of view less the angle between two points, on the compass or in space.
     ex, ey, ez = (
         q.points_m[e[3], e[4], 0] - poses[i, 0],
         q.points_m[e[3], e[4], 1] - poses[i, 1],
@@ -175,28 +187,30 @@ def element(q: Question, e: Ints, poses: Floats, g: Floats, work: Floats) -> flo
         q.points_m[e[5], e[6], 1] - poses[i, 1],
         q.points_m[e[5], e[6], 2] - poses[i, 2],
     )
-    er, fr = ex * ex + ey * ey, fx * fx + fy * fy
     if kind == PAN:
+        er, fr = ex * ex + ey * ey, fx * fx + fy * fy
         angle = wrapped(math.atan2(ex, ey) - math.atan2(fx, fy))
         sign = 1.0 if angle >= 0 else -1.0
         g[0] = sign * (ey / er - fy / fr)
         g[1] = -sign * (ex / er - fx / fr)
-    else:
-        eh, fh = math.sqrt(er), math.sqrt(fr)
-        angle = math.atan2(ez, eh) - math.atan2(fz, fh)
-        sign = 1.0 if angle >= 0 else -1.0
-        ed, fd = er + ez * ez, fr + fz * fz
-        g[0] = -sign * (ez * ex / (eh * ed) - fz * fx / (fh * fd))
-        g[1] = -sign * (ez * ey / (eh * ed) - fz * fy / (fh * fd))
-        g[2] = sign * (eh / ed - fh / fd)
-    return q.fov_rad - abs(angle)
+        return q.fov_rad - abs(angle)
+    ed, fd = math.sqrt(ex * ex + ey * ey + ez * ez), math.sqrt(fx * fx + fy * fy + fz * fz)
+    ex, ey, ez, fx, fy, fz = ex / ed, ey / ed, ez / ed, fx / fd, fy / fd, fz / fd
+    cosine = ex * fx + ey * fy + ez * fz
+    cx, cy, cz = ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx
+    sine = math.sqrt(cx * cx + cy * cy + cz * cz)
+    if sine > 1e-9:
+        g[0] = -((fx - cosine * ex) / ed + (ex - cosine * fx) / fd) / sine
+        g[1] = -((fy - cosine * ey) / ed + (ey - cosine * fy) / fd) / sine
+        g[2] = -((fz - cosine * ez) / ed + (ez - cosine * fz) / fd) / sine
+    return q.fov_rad - math.atan2(sine, cosine)
 
 
 @kernel
 def list_elements(q: Question, s: State, moving: Ints) -> Ints:
     """Return the costs and rules that the poses of moving hosts (marked 1) decide, costs first."""
     threats, hosts = s.pairs.shape[0], s.degree.shape[0]
-    most = threats * (1 + 8) + hosts * (threats + hosts + 2) + hosts * 4 * threats * threats
+    most = threats * (1 + 8) + hosts * (threats + hosts + 3 + q.areas.shape[0]) + hosts * 4 * threats * threats
     rows = np.zeros((most, 7), np.int64)
     m = 0
     for threat in range(threats):
@@ -226,16 +240,13 @@ def list_elements(q: Question, s: State, moving: Ints) -> Ints:
                         for k2 in range(2):
                             if n2 == n and k2 >= k:
                                 continue
-                            for kind in range(PAN, TILT + 1):
-                                if kind == TILT and q.ceiling_m <= q.floor_m:
-                                    continue
-                                rows[m, 0], rows[m, 1], rows[m, 2], rows[m, 3] = kind, host, -1, threat
-                                rows[m, 4], rows[m, 5], rows[m, 6] = k, second, k2
-                                m += 1
+                            rows[m, 0], rows[m, 1], rows[m, 2] = PAN if q.plane else CONE, host, -1
+                            rows[m, 3], rows[m, 4], rows[m, 5], rows[m, 6] = threat, k, second, k2
+                            m += 1
         x, y, z = s.positions[host, 0], s.positions[host, 1], s.positions[host, 2]
         if q.whole_path:
             for threat in range(threats):
-                a, b, c = path_offset(q, threat, x, y, z)
+                a, b, c = path_offset(q.paths_m, threat, x, y, z)
                 if math.sqrt(a * a + b * b + c * c) < q.safety_m + NEAR_M:
                     rows[m, 0], rows[m, 1], rows[m, 2], rows[m, 3] = PATH, host, -1, threat
                     m += 1
@@ -251,6 +262,14 @@ def list_elements(q: Question, s: State, moving: Ints) -> Ints:
             rows[m, 0], rows[m, 1], rows[m, 2] = FLOOR, host, -1
             rows[m + 1, 0], rows[m + 1, 1], rows[m + 1, 2] = CEILING, host, -1
             m += 2
+        if q.areas.shape[0] > 0:
+            if fence_room(q.sides_m, q.areas, x, y)[0] < NEAR_M:
+                rows[m, 0], rows[m, 1], rows[m, 2] = FENCE, host, -1
+                m += 1
+            for n in range(q.areas.shape[0]):
+                if q.areas[n, 2] == 0 and keep_out_room(q.sides_m, q.areas, n, x, y, z)[0] < NEAR_M:
+                    rows[m, 0], rows[m, 1], rows[m, 2], rows[m, 3] = KEEP_OUT, host, -1, n
+                    m += 1
     return rows[:m].copy()
 
 

@@ -7,18 +7,18 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
 from hsop_gcs.cameras.rig import CameraKind
-from hsop_gcs.placement.objective import PIXEL_NOISE_PX, evaluate, threat_points_m
+from hsop_gcs.placement.airspace import Airspace
+from hsop_gcs.placement.objective import evaluate, hover_altitudes_m, noise_rad, threat_points_m, threat_ways_m
 from hsop_gcs.placement.problem import Formulation, Objective, Problem
 from hsop_gcs.placement.search.anneal import State, new_state, refresh, set_view
+from hsop_gcs.placement.search.areas import STRICTER_M, areas_of
 from hsop_gcs.placement.search.frame import GRID_M, Frame
-from hsop_gcs.placement.search.model import CENTRAL, PERIPHERAL, Floats, Question, view_window
+from hsop_gcs.placement.search.model import CENTRAL, PERIPHERAL, Floats, Question, central_cone, view_window
 from hsop_gcs.placement.solution import HoverPose, Placement, Status, ThreatPair, View
 
 KINDS = {PERIPHERAL: CameraKind.PERIPHERAL, CENTRAL: CameraKind.CENTRAL}
-STRICTER_M = 4 * GRID_M
-"""The search keeps so much more distance than asked, because its points are on a grid."""
 STRICTER = 1e-7
-"""And so much, relative or in radians, of every other rule."""
+"""The search keeps so much more of every rule without a length, relative or in radians, than asked."""
 
 
 def frame_of(problem: Problem) -> Frame:
@@ -27,21 +27,28 @@ def frame_of(problem: Problem) -> Frame:
 
 
 def question_of(problem: Problem, frame: Frame) -> Question:
-    """Return the problem as the kernels see it: plane geometry at one altitude."""
-    points = frame.inward(threat_points_m(problem))
-    points[:, :, 2] = 0.0
+    """Return the problem as the kernels see it; the letter's lies in one plane."""
+    operational = problem.formulation is Formulation.OPERATIONAL
+    points, paths = frame.inward(threat_points_m(problem)), frame.inward(threat_ways_m(problem))
+    floor_m, ceiling_m = (float(np.round(up / GRID_M) * GRID_M) for up in hover_altitudes_m(problem))
+    if operational:
+        floor_m, ceiling_m = _within(problem, floor_m, ceiling_m)
+    else:
+        points[:, :, 2] = paths[:, :, 2] = floor_m = ceiling_m = 0.0
     peripheral, central = problem.rig.peripheral, problem.rig.central
     sizes = np.array([threat.size_m for threat in problem.threats])
-    operational = problem.formulation is Formulation.OPERATIONAL
     focal_px = np.array([[peripheral.focal_length_px], [central.focal_length_px]])
     least_px = np.array([[peripheral.min_pixels], [central.min_pixels]])
-    noise_px = np.array([[PIXEL_NOISE_PX[KINDS[PERIPHERAL]]], [PIXEL_NOISE_PX[KINDS[CENTRAL]]]])
+    angular = noise_rad(problem.rig, problem.attitude_sigma_rad)
     rms = problem.objective is Objective.RMS
+    noises = np.array([[angular[KINDS[PERIPHERAL]]], [angular[KINDS[CENTRAL]]]])
+    sides, areas = areas_of(problem.airspace if operational else Airspace(), frame)
     return Question(
         points_m=points,
+        paths_m=paths,
         weight=np.array([threat.weight if operational else 1.0 for threat in problem.threats]),
         range_m=focal_px * sizes / least_px * (1 - STRICTER),
-        factor=np.broadcast_to(noise_px / focal_px, (2, len(sizes))).copy() if rms else 1 / (focal_px * sizes),
+        factor=np.broadcast_to(noises, (2, len(sizes))).copy() if rms else 1 / (focal_px * sizes),
         distortion=np.array(peripheral.distortion, dtype=np.float64),
         fov_rad=2 * central.half_fov_rad - STRICTER,
         fov_cosine=math.cos(2 * central.half_fov_rad - STRICTER),
@@ -49,9 +56,23 @@ def question_of(problem: Problem, frame: Frame) -> Question:
         separation_m=problem.min_separation_m + STRICTER_M if operational and problem.min_separation_m > 0 else 0.0,
         whole_path=operational,
         rms=rms,
-        floor_m=0.0,
-        ceiling_m=0.0,
+        position_sigma_m=problem.position_sigma_m,
+        plane=floor_m == ceiling_m and bool((points[:, :, 2] == floor_m).all() and (paths[:, :, 2] == floor_m).all()),
+        floor_m=floor_m,
+        ceiling_m=ceiling_m,
+        sides_m=sides,
+        areas=areas,
     )
+
+
+def _within(problem: Problem, floor_m: float, ceiling_m: float) -> tuple[float, float]:
+    """Keep rounded altitudes within the airspace's own limits."""
+    airspace = problem.airspace
+    if airspace.floor_m is not None:
+        floor_m = max(floor_m, airspace.floor_m)
+    if airspace.ceiling_m is not None:
+        ceiling_m = min(ceiling_m, airspace.ceiling_m)
+    return floor_m, max(floor_m, ceiling_m)
 
 
 def names_of(problem: Problem, positions_m: Floats) -> list[str]:
@@ -65,9 +86,9 @@ def names_of(problem: Problem, positions_m: Floats) -> list[str]:
 
 def placement_of(problem: Problem, frame: Frame, q: Question, state: State) -> Placement:
     """Turn a state that keeps every rule into the answer, valued by the exact reference."""
-    altitude = float(threat_points_m(problem)[:, :, 2].mean())
     positions = frame.outward(state.positions)
-    positions[:, 2] = altitude
+    if problem.formulation is Formulation.LETTER:
+        positions[:, 2] = hover_altitudes_m(problem)[0]
     names = names_of(problem, positions)
     poses = tuple(_pose(problem, frame, q, state, host, name, positions[host]) for host, name in enumerate(names))
     views = {}
@@ -95,17 +116,19 @@ def _pose(
     problem: Problem, frame: Frame, q: Question, state: State, host: int, name: str, position_m: Floats
 ) -> HoverPose:
     """Pan and tilt to the middle of what the central camera sees; an unused fisheye axis follows the pan."""
-    low, high, _, _, count = view_window(
-        q, state.positions, host, state.incident[host], int(state.degree[host]), state.cameras
-    )
-    held = [int(v) // 2 for v in state.incident[host, : state.degree[host]] if state.cameras[v // 2, v % 2] == CENTRAL]
-    middle = 0.5 * (low + high)
+    degree = int(state.degree[host])
+    seen = (q, state.positions, host, state.incident[host], degree, state.cameras)
+    low, high, count = view_window(*seen)
+    held = [int(v) // 2 for v in state.incident[host, :degree] if state.cameras[v // 2, v % 2] == CENTRAL]
+    middle, tilt = 0.5 * (low + high), 0.0
     aim = frame.vectors_outward(np.array([math.sin(middle), math.cos(middle)]))
-    axis = frame.vectors_outward(state.axes[host]) if count < state.degree[host] else aim
-    tilt = 0.0
-    if held:
+    if held and not q.plane:
+        x, y, z, _ = central_cone(*seen)
+        aim, tilt = frame.vectors_outward(np.array([x, y])), math.atan2(z, math.hypot(x, y))
+    elif held:
         centre = threat_points_m(problem)[held].reshape(-1, 3).mean(axis=0)
         tilt = math.atan2(centre[2] - position_m[2], math.dist(centre[:2], position_m[:2]))
+    axis = frame.vectors_outward(state.axes[host]) if count < degree else aim
     return HoverPose(
         host=name,
         position_m=(float(position_m[0]), float(position_m[1]), float(position_m[2])),
@@ -135,7 +158,7 @@ def state_of(problem: Problem, frame: Frame, q: Question, placement: Placement, 
         state.positions[k] = frame.inward(np.array(pose.position_m))
         heading = math.radians(pose.heading_deg)
         state.axes[k] = frame.vectors_inward(np.array([math.sin(heading), math.cos(heading)]))
-    state.positions[:, 2] = 0.0
+    state.positions[:, 2] = np.clip(state.positions[:, 2], q.floor_m, q.ceiling_m)
     known = {pair.threat: pair for pair in placement.pairs}
     middles = q.points_m.mean(axis=1)
     costliest = sorted(
@@ -145,6 +168,7 @@ def state_of(problem: Problem, frame: Frame, q: Question, placement: Placement, 
     for k in range(len(kept), n_hosts):
         beside = costliest[(k - len(kept)) % len(costliest)]
         state.positions[k] = q.points_m[beside, 0] + np.array([q.safety_m, 0.0, 0.0])
+        state.positions[k, 2] = np.clip(state.positions[k, 2], q.floor_m, q.ceiling_m)
     for t, threat in enumerate(problem.threats):
         views_of_it = known[threat.id].views if threat.id in known else ()
         seeing = [

@@ -76,7 +76,7 @@ def test_every_host_is_listed_with_exactly_the_views_it_has(hosts: int) -> None:
 @pytest.mark.parametrize("formulation", list(Formulation))
 def test_gradients_are_the_slopes_of_costs_and_margins(formulation: Formulation, objective: Objective) -> None:
     plane, state = annealed(some_problem(formulation, objective), 4, seed=0)
-    q = plane._replace(floor_m=-5.0, ceiling_m=5.0)
+    q = plane._replace(plane=False, floor_m=-5.0, ceiling_m=5.0)
     rows = list_elements(q, state, np.ones(4, dtype=np.int64))
     poses = poses_of(state)
     poses[:, 2] = [1.0, 2.0, -3.0, 0.5]
