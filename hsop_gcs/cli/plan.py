@@ -1,4 +1,4 @@
-"""``hsop-gcs plan``: one scenario in, one plan out."""
+"""``hsop-gcs plan``: one scenario in, one plan out, or one for every number of hosts."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -8,10 +8,15 @@ import typer
 from hsop_gcs.errors import BadInput
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from hsop_gcs.placement.problem import Problem
     from hsop_gcs.placement.solution import Placement
 
 INFEASIBLE_EXIT = 3
+"""Also when the target error is out of reach."""
+TIME_LIMIT_S = 1.0
+"""Unless one is given; with --frontier for each number of hosts."""
 
 
 def register(app: typer.Typer) -> None:
@@ -38,19 +43,41 @@ def register(app: typer.Typer) -> None:
             bool,
             typer.Option("--initial-observers", help="Only the letter's pairs: every threat keeps its nearest host."),
         ] = False,
-        time_limit: Annotated[float, typer.Option(help="Seconds of solving at most.")] = 1.0,
+        frontier: Annotated[
+            bool, typer.Option("--frontier", help="A plan for every number of hosts, and what each host more gains.")
+        ] = False,
+        target_error: Annotated[
+            float | None,
+            typer.Option(help="Metres: the fewest hosts that bring every threat's expected error to this."),
+        ] = None,
+        time_limit: Annotated[
+            float | None,
+            typer.Option(
+                help="Seconds of solving at most, and all of them.",
+                show_default=f"{TIME_LIMIT_S:g} or less; with --frontier {TIME_LIMIT_S:g} for each number of hosts",
+            ),
+        ] = None,
+        iterations: Annotated[
+            int | None,
+            typer.Option(help="Exactly so many rounds instead of a time limit; with --frontier for each number."),
+        ] = None,
         seed: Annotated[int, typer.Option(help="The same seed gives the same plan.")] = 0,
         as_json: Annotated[bool, typer.Option("--json", help="Print the plan file instead of the table.")] = False,
         output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the plan file here.")] = None,
+        plot: Annotated[Path | None, typer.Option(help="With --frontier: draw it into this PNG file.")] = None,
     ) -> None:
-        """Place hosts for one scenario. Exit 0: a plan; 3: infeasible, and the plan file says why; 2: bad input."""
+        """Place hosts for one scenario.
+
+        Exit 0: a plan; 3: infeasible, or the target error is out of reach: then the plan is the best there is; 2: bad
+        input.
+        """
         import json
         import time
 
         from hsop_gcs.placement import Method, place
         from hsop_gcs.placement.problem import Formulation, Objective
         from hsop_gcs.placement.scenario import parse_json, plan_to_json, problem_from_json
-        from hsop_gcs.placement.solution import Status
+        from hsop_gcs.placement.solution import Status, worst_error_m
 
         problem = problem_from_json(
             parse_json(_read(scenario), scenario),
@@ -60,20 +87,47 @@ def register(app: typer.Typer) -> None:
         most = 2 * len(problem.threats)
         if hosts is not None and not 2 <= hosts <= most:
             raise BadInput("--hosts", f"{hosts} is outside 2..{most}: a threat takes two hosts, and more have no use")
-        if not 0 < time_limit <= 86_400:
+        if time_limit is not None and not 0 < time_limit <= 86_400:
             raise BadInput("--time-limit", f"must be above 0 and at most 86400 seconds, not {time_limit!r}")
         if seed < 0:
             raise BadInput("--seed", f"must not be negative, not {seed}")
-        if output is not None and not output.parent.is_dir():
-            raise BadInput("--output", f"{output}: there is no directory {output.parent}")
+        if iterations is not None and iterations < 1:
+            raise BadInput("--iterations", f"must be 1 or more, not {iterations}")
+        if target_error is not None and not 0 < target_error <= 1e6:
+            raise BadInput("--target-error", f"must be above 0 and at most 1000000 m, not {target_error!r}")
+        for option, path in (("--output", output), ("--plot", plot)):
+            if path is not None and not path.parent.is_dir():
+                raise BadInput(option, f"{path}: there is no directory {path.parent}")
+        wanted = None if method is None else Method(_one_of("--method", method, list(Method)))
+        if iterations is not None and wanted not in (None, Method.SEARCH):
+            raise BadInput("--iterations", f"method {wanted} has no rounds to count")
+        if plot is not None and not frontier:
+            raise BadInput("--plot", "draws a frontier; give --frontier as well")
+        if frontier:
+            chosen = {
+                "--hosts": hosts,
+                "--target-error": target_error,
+                "--method": None if wanted is Method.SEARCH else wanted,
+                "--initial-observers": initial_observers or None,
+            }
+            for option, value in chosen.items():
+                if value is not None:
+                    raise BadInput(option, "does not go with --frontier, which searches every number of hosts")
+            _frontier(problem, seed, time_limit, iterations, as_json, output, plot)
+            return
+        if wanted in (None, Method.SEARCH) and not initial_observers:
+            _load_kernels()
         placement = place(
             problem,
             n_hosts=hosts,
             seed=seed,
-            time_limit_s=time_limit,
+            time_limit_s=TIME_LIMIT_S if time_limit is None else time_limit,
+            iterations=iterations,
             now=time.monotonic,
-            method=None if method is None else Method(_one_of("--method", method, list(Method))),
+            method=wanted,
             initial_observers=initial_observers,
+            target_error_m=target_error,
+            until_settled=time_limit is None,
         )
         text = json.dumps(plan_to_json(placement), indent=2)
         if output is not None:
@@ -85,6 +139,54 @@ def register(app: typer.Typer) -> None:
             raise SystemExit(INFEASIBLE_EXIT)
         if not as_json:
             _print_tables(problem, placement)
+        if target_error is not None and worst_error_m(placement) > target_error:
+            typer.echo(
+                f"hsop-gcs: expected error {worst_error_m(placement):.2f} m with {len(placement.hosts)} hosts,"
+                f" the best there is; {target_error:g} m is out of reach",
+                err=True,
+            )
+            raise SystemExit(INFEASIBLE_EXIT)
+
+
+def _frontier(
+    problem: "Problem",
+    seed: int,
+    time_limit_s: float | None,
+    iterations: int | None,
+    as_json: bool,
+    output: Path | None,
+    plot: Path | None,
+) -> None:
+    import json
+    import time
+
+    from hsop_gcs.placement import place
+    from hsop_gcs.placement.frontier import frontier, frontier_to_json
+
+    if time_limit_s is None:
+        time_limit_s = TIME_LIMIT_S * (2 * len(problem.threats) - 1)
+    _load_kernels()
+    placements = frontier(problem, seed=seed, time_limit_s=time_limit_s, iterations=iterations, now=time.monotonic)
+    text = json.dumps(frontier_to_json(placements), indent=2)
+    if output is not None:
+        _write(output, text + "\n")
+    if as_json:
+        typer.echo(text)
+    if not placements:
+        reason = place(problem, seed=seed, iterations=1, now=time.monotonic).reason
+        typer.echo(f"hsop-gcs: infeasible: {reason or 'no number of hosts has a placement'}", err=True)
+        raise SystemExit(INFEASIBLE_EXIT)
+    if plot is not None:
+        _plot(plot, placements)
+    if not as_json:
+        _print_frontier(problem, placements)
+
+
+def _load_kernels() -> None:
+    """Load the compiled search before its clock runs."""
+    from hsop_gcs.placement.search import warm_up
+
+    warm_up()
 
 
 def _one_of(option: str, value: str, known: list[str]) -> str:
@@ -139,3 +241,53 @@ def _print_tables(problem: "Problem", placement: "Placement") -> None:
         f" lower bound {placement.lower_bound:.4f}, {placement.solve_time_s:.2f} s",
         soft_wrap=True,
     )
+
+
+def _print_frontier(problem: "Problem", placements: "Mapping[int, Placement]") -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from hsop_gcs.placement.solution import mean_error_m, worst_error_m
+
+    table = Table(title=f"{len(problem.threats)} threats, {problem.formulation.value} formulation")
+    for heading in ("hosts", "cost", "lower bound", "worst error m", "mean error m", "status"):
+        table.add_column(heading, justify="left" if heading == "status" else "right", overflow="fold")
+    for number, placement in placements.items():
+        table.add_row(
+            str(number),
+            f"{placement.cost:.4f}",
+            f"{placement.lower_bound:.4f}",
+            f"{worst_error_m(placement):.2f}",
+            f"{mean_error_m(placement):.2f}",
+            placement.status.value,
+        )
+    Console().print(table)
+
+
+def _plot(path: Path, placements: "Mapping[int, Placement]") -> None:
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise BadInput("--plot", "needs matplotlib; install hsop-gcs[plots]") from None
+
+    from hsop_gcs.placement.solution import mean_error_m, worst_error_m
+
+    figure = Figure(figsize=(7, 6), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True)
+    numbers = list(placements)
+    above.plot(numbers, [placement.cost for placement in placements.values()], "o-", label="cost")
+    above.plot(numbers, [placement.lower_bound for placement in placements.values()], "--", label="lower bound")
+    above.set_ylabel("cost")
+    below.plot(numbers, [worst_error_m(placement) for placement in placements.values()], "o-", label="worst threat")
+    below.plot(numbers, [mean_error_m(placement) for placement in placements.values()], "s-", label="mean")
+    below.set_ylabel("expected error, m")
+    below.set_xlabel("hosts")
+    below.xaxis.get_major_locator().set_params(integer=True)
+    for axes in (above, below):
+        axes.set_ylim(bottom=0)
+        axes.grid(alpha=0.3)
+        axes.legend()
+    try:
+        figure.savefig(path, format="png", dpi=150)
+    except OSError as error:
+        raise BadInput("--plot", f"{path} cannot be written: {error.strerror or error}") from None

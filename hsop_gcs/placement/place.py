@@ -38,6 +38,9 @@ def place(
     method: Method | None = None,
     initial_observers: bool = False,
     letters_cameras: bool = False,
+    target_error_m: float | None = None,
+    warm_start: Placement | None = None,
+    until_settled: bool = False,
 ) -> Placement:
     """Say where hosts hover, where they look and which camera sees which threat.
 
@@ -45,7 +48,10 @@ def place(
     seconds. iterations: exactly so many of the search's rounds instead of a time limit. method: None is the global
     search, or the letter's own where something only it can do is asked for. initial_observers: only the letter's
     (N_h - 1)^N_t pair sets, from the hosts' current positions, in which hosts keep their places. letters_cameras: only
-    the letter's choice of cameras. Poses carry the ids of ``problem.hosts``, shared out for short flights, or h1, h2,
+    the letter's choice of cameras. target_error_m: instead of ``n_hosts``, the smallest number that brings every
+    threat's expected error to this, metres, and if none does, the largest. warm_start: an earlier placement, of almost
+    the same threats, to start the search from. until_settled: the search may stop before its time when nothing has been
+    gained for a while. Poses carry the ids of ``problem.hosts``, shared out for short flights, or h1, h2,
     ... if there are none.
     Raises BadInput for no threats, a number of hosts outside 2 .. 2 N_t, initial observers without positions, and
     what the method cannot do.
@@ -53,6 +59,8 @@ def place(
     letters_own = initial_observers or letters_cameras
     method = method or (Method.LETTER if letters_own else Method.SEARCH)
     _check(problem, n_hosts, method, letters_own=letters_own)
+    if target_error_m is not None:
+        _check_target(target_error_m, n_hosts, method)
     if initial_observers and not problem.hosts:
         raise BadInput("hosts", "current positions are needed to choose initial observers, and none were given")
     started = now()
@@ -72,7 +80,15 @@ def place(
         from hsop_gcs.placement.search import search as search_globally
 
         placement = search_globally(
-            problem, n_hosts=n_hosts, seed=seed, deadline=deadline, now=now, iterations=iterations
+            problem,
+            n_hosts=n_hosts,
+            seed=seed,
+            deadline=deadline,
+            now=now,
+            iterations=iterations,
+            warm_start=warm_start,
+            target_error_m=target_error_m,
+            until_settled=until_settled,
         )
         search.deadline = now() + REASONING_S
     else:
@@ -108,6 +124,15 @@ def _check(problem: Problem, n_hosts: int | None, method: Method, *, letters_own
         raise BadInput("method", f"{method.value!r} knows neither initial observers nor the letter's cameras")
     if problem.objective is not Objective.LETTER and method is not Method.SEARCH:
         raise BadInput("objective", f"{problem.objective.value!r} is not what method {method.value!r} minimises")
+
+
+def _check_target(target_error_m: float, n_hosts: int | None, method: Method) -> None:
+    if not 0 < target_error_m < math.inf:
+        raise BadInput("target_error_m", f"must be above 0 and finite, not {target_error_m!r}")
+    if n_hosts is not None:
+        raise BadInput("target_error_m", f"decides how many hosts there are, and {n_hosts} were asked for")
+    if method is not Method.SEARCH:
+        raise BadInput("target_error_m", f"method {method.value!r} does not aim at an error")
 
 
 def _available(problem: Problem, most: int) -> int:

@@ -1,5 +1,6 @@
 """What is answered: where hosts hover, where they look, and which camera sees which threat."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -79,6 +80,17 @@ class Placement:
     method: str = Method.LETTER
     iterations: int = 0
     """How many rounds the search had time for; asked for again, they give the same placement."""
+
+
+def worst_error_m(placement: Placement) -> float:
+    """Return the largest expected error of any threat, metres; infinite if one has none."""
+    return max((math.inf if p.expected_error_m is None else p.expected_error_m for p in placement.pairs), default=0.0)
+
+
+def mean_error_m(placement: Placement) -> float:
+    """Return the mean of the threats' expected errors, metres; infinite if one has none."""
+    errors_m = [math.inf if pair.expected_error_m is None else pair.expected_error_m for pair in placement.pairs]
+    return sum(errors_m) / len(errors_m) if errors_m else 0.0
 
 
 def renamed(placement: Placement, names: Mapping[str, str]) -> Placement:

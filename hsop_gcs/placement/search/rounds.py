@@ -25,6 +25,8 @@ MOVES_PER_HOST = 600
 MEAN_NEIGHBOURHOOD = 4.5
 REACH_M = 25.0
 """The longest steps of hosts at the start of an anneal."""
+WORTH_GOING_ON = 1e-4
+"""A round that gains less than this share of the cost has gained nothing."""
 
 
 class Pool:
@@ -53,6 +55,11 @@ class Pool:
     def best(self) -> State | None:
         """The best placement if it keeps every rule."""
         return self.states[0] if self.states and self.worth[0][0] <= 0 else None
+
+    @property
+    def cost(self) -> float:
+        """That of the best placement; infinite while none keeps every rule."""
+        return math.inf if self.best is None else self.worth[0][1]
 
 
 def _copy(state: State) -> State:
@@ -117,16 +124,27 @@ class Course:
 
 
 def run(
-    course: Course, executor: ThreadPoolExecutor, *, deadline: float, now: Callable[[], float], rounds: int | None
+    course: Course,
+    executor: ThreadPoolExecutor,
+    *,
+    deadline: float,
+    now: Callable[[], float],
+    rounds: int | None,
+    patience: int | None = None,
 ) -> None:
-    """Advance until the deadline is near, at most so many rounds; the course's first round is always run."""
-    count, slowest = 0, 0.0
+    """Advance until the deadline is near, at most so many rounds; the course's first round is always run.
+
+    patience: end after so many rounds in a row that gained nothing.
+    """
+    count, idle, slowest = 0, 0, 0.0
     while True:
         started = now()
-        if rounds is not None and count >= rounds:
+        if (rounds is not None and count >= rounds) or (patience is not None and idle >= patience):
             return
         if course.round > 0 and started + slowest > deadline:
             return
+        before = course.pool.cost
         course.advance(executor)
         count += 1
+        idle = 0 if course.pool.cost < before * (1 - WORTH_GOING_ON) else idle + 1
         slowest = max(0.7 * slowest, now() - started)

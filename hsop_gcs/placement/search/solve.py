@@ -5,23 +5,22 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
-import numpy as np
-
 from hsop_gcs.placement.problem import Formulation, Problem, Threat
-from hsop_gcs.placement.search.anneal import State, new_state, refresh, set_view
+from hsop_gcs.placement.search.anneal import State
 from hsop_gcs.placement.search.bounds import fewest_hosts, lower_bound
 from hsop_gcs.placement.search.frame import Frame
 from hsop_gcs.placement.search.model import Question
+from hsop_gcs.placement.search.numbers import ROUNDS_TO_REFUSE, Courses, least_acceptable
 from hsop_gcs.placement.search.question import frame_of, placement_of, question_of, state_of
 from hsop_gcs.placement.search.rounds import LANES, Course, run
-from hsop_gcs.placement.solution import Placement, Status
+from hsop_gcs.placement.solution import Placement, Status, worst_error_m
 
 PROVEN_GAP = 1e-3
 ROUNDS_BEFORE_PROOF = 3
 WORTH_A_PROOF = 1.1
 """A placement within this factor of the first bound may be optimal: then a thorough bound is worth its time."""
-FEASIBILITY_ROUNDS = 4
-"""How many rounds without a valid placement it takes to try one host more."""
+PATIENCE_PER_THREAT = 2
+"""A search is settled when so many rounds for each threat have gained nothing."""
 
 
 def search(
@@ -33,13 +32,18 @@ def search(
     now: Callable[[], float],
     iterations: int | None = None,
     warm_start: Placement | None = None,
+    target_error_m: float | None = None,
+    until_settled: bool = False,
 ) -> Placement:
     """Find the least costly placement, as far as the time goes.
 
     n_hosts: exactly so many; None is the smallest number for which a placement is found. deadline: on the clock
-    ``now``; one round of the search is always run. iterations: exactly so many rounds instead, whatever the time.
-    warm_start: an earlier placement of almost the same threats and number of hosts. The same arguments give the same
-    placement; more time only improves it.
+    ``now``; one round of the search is always run, and however many it takes to settle the number of hosts.
+    iterations: exactly so many rounds with that number instead, whatever the time.
+    warm_start: an earlier placement of almost the same threats and number of hosts. target_error_m: without
+    ``n_hosts``, the smallest number that brings every threat's expected error to this, metres, and if none does, the
+    largest. until_settled: stop before the deadline when nothing has been gained for a while. The same arguments give
+    the same placement; more time only improves it.
     """
     started = now()
     if iterations is not None:
@@ -47,22 +51,58 @@ def search(
     frame = frame_of(problem)
     q = question_of(problem, frame)
     most = most_hosts(problem)
+    least = max(2, fewest_hosts(q))
+    numbers = range(least, most + 1) if n_hosts is None else range(n_hosts, min(n_hosts, most) + 1)
+    flown = warm_start if warm_start is not None and warm_start.hosts else None
+    warm = None if flown is None else lambda count: state_of(problem, frame, q, flown, count)
+    courses = Courses(q, seed, warm)
+    wanted = Wanted(problem, frame, q, None if n_hosts is not None else target_error_m)
     with ThreadPoolExecutor(LANES) as executor:
-        course = None
-        counts = range(max(2, fewest_hosts(q)), most + 1) if n_hosts is None else range(n_hosts, min(n_hosts, most) + 1)
-        for count in counts:
-            course = Course(q, count, seed)
-            if warm_start is not None and warm_start.hosts:
-                course.start_from(state_of(problem, frame, q, warm_start, count))
-            if n_hosts is not None or _found(course, executor, deadline, now):
-                break
+        number = n_hosts if numbers else None
+        if n_hosts is None:
+            first = None if flown is None else len(flown.hosts)
+            number = least_acceptable(courses, numbers, wanted.accepts, executor, first)
         bound = lower_bound(q, executor, thorough=False)
+        course = None if number is None else courses.course(number)
         if course is not None:
-            rounds_left = None if iterations is None else max(0, iterations - course.round)
-            bound = _run_until_proven(course, executor, deadline, now, rounds_left, bound)
-    best = None if course is None else course.pool.best
+            left = None if iterations is None else max(0, iterations - course.round)
+            patience = PATIENCE_PER_THREAT * len(problem.threats) if until_settled else None
+            bound = _run_until_proven(course, executor, deadline, now, left, bound, patience)
+    best = None if course is None else wanted.best(course)
     answer = _answer(problem, frame, q, best, bound, seed, now() - started, n_hosts, most)
     return replace(answer, iterations=0 if course is None else course.round)
+
+
+class Wanted:
+    """What makes a placement acceptable: it is valid, and with a target every expected error is within it."""
+
+    def __init__(self, problem: Problem, frame: Frame, q: Question, target_error_m: float | None) -> None:
+        self._problem, self._frame, self._q = problem, frame, q
+        self._target_m = target_error_m
+        self._worst_m: dict[tuple[int, float], float] = {}
+
+    def accepts(self, course: Course) -> bool:
+        """Whether the course has an acceptable placement."""
+        return self._acceptable(course) is not None
+
+    def best(self, course: Course) -> State | None:
+        """Return the least costly acceptable placement, else the least costly one."""
+        state = self._acceptable(course)
+        return course.pool.best if state is None else state
+
+    def _acceptable(self, course: Course) -> State | None:
+        if self._target_m is None:
+            return course.pool.best
+        for state, (violation, cost) in zip(course.pool.states, course.pool.worth, strict=True):
+            if violation > 0:
+                break
+            key = (course.n_hosts, cost)
+            if key not in self._worst_m:
+                placement = placement_of(self._problem, self._frame, self._q, state)
+                self._worst_m[key] = worst_error_m(placement)
+            if self._worst_m[key] <= self._target_m:
+                return state
+        return None
 
 
 def frontier(
@@ -73,11 +113,14 @@ def frontier(
     now: Callable[[], float],
     iterations: int | None = None,
     numbers: range | None = None,
+    progress: Callable[[int], None] = lambda _rounds: None,
 ) -> dict[int, Placement]:
     """Find a placement for every number of hosts, from the smallest possible to two per threat.
 
     The numbers take turns, and the best placement for each seeds the next one up with one view given to a host of its
-    own; so the cost never rises with the number of hosts. Numbers without a placement are left out.
+    own: at the same place, so that the cost never rises with the number of hosts, or beside it and improved where
+    hosts must keep apart. Numbers without a placement are left out. iterations: so many rounds for each number instead
+    of a deadline; each is always given one. progress: told the rounds done after each.
     """
     started = now()
     if iterations is not None:
@@ -86,39 +129,29 @@ def frontier(
     q = question_of(problem, frame)
     most = most_hosts(problem)
     wanted = numbers if numbers is not None else range(max(2, fewest_hosts(q)), most + 1)
-    courses = {count: Course(q, count, seed) for count in wanted if count <= most}
+    courses = Courses(q, seed)
     with ThreadPoolExecutor(LANES) as executor:
-        rounds, slowest = 0, 0.0
-        while iterations is not None or rounds < 2 or now() + slowest < deadline:
-            if iterations is not None and rounds >= iterations:
-                break
-            began = now()
-            for count, course in courses.items():
-                if (
-                    course.pool.best is None
-                    and rounds > FEASIBILITY_ROUNDS
-                    and any(other.pool.best is not None for n, other in courses.items() if n > count)
-                ):
-                    continue
-                below = courses.get(count - 1)
-                if below is not None and below.pool.best is not None:
-                    for state in with_another_host(q, below.pool.best):
-                        course.start_from(state)
-                course.advance(executor)
-                if now() > deadline and iterations is None and rounds >= 2:
+        turn, slowest = 0, 0.0
+        while iterations is None or turn < iterations:
+            for count in (n for n in wanted if n <= most):
+                began = now()
+                if iterations is None and turn > 0 and began + slowest > deadline:
                     break
-            rounds += 1
-            slowest = max(0.7 * slowest, now() - began) / max(1, len(courses))
+                if turn > ROUNDS_TO_REFUSE and not courses.course(count).pool.best and count < max(courses.numbers()):
+                    continue
+                courses.advance(count, executor)
+                progress(courses.rounds)
+                slowest = max(0.7 * slowest, now() - began)
+            turn += 1
+            if iterations is None and now() + slowest > deadline:
+                break
         bound = lower_bound(q, executor, thorough=iterations is not None or now() < deadline)
-    answers = {}
-    for count, course in courses.items():
-        below = courses.get(count - 1)
-        if below is not None and below.pool.best is not None:
-            for state in with_another_host(q, below.pool.best):
-                course.start_from(state)
-        if course.pool.best is not None:
-            answers[count] = _answer(problem, frame, q, course.pool.best, bound, seed, now() - started, count, most)
-    return answers
+    found = {count: courses.course(count).pool.best for count in sorted(courses.by_number)}
+    return {
+        count: _answer(problem, frame, q, best, bound, seed, now() - started, count, most)
+        for count, best in found.items()
+        if best is not None
+    }
 
 
 def warm_up() -> None:
@@ -139,38 +172,6 @@ def most_hosts(problem: Problem) -> int:
     return most if problem.max_hosts is None else min(most, problem.max_hosts)
 
 
-def with_another_host(q: Question, state: State) -> list[State]:
-    """Return copies of a placement with one host more, which takes one view over from where a shared host stands.
-
-    Without separation between hosts the new host may stand in the same place, and the cost stays the same.
-    """
-    threats, hosts = len(q.weight), len(state.degree)
-    order = np.argsort(-state.cost, kind="stable")
-    shared = [(int(t), end) for t in order for end in range(2) if state.degree[state.pairs[t, end]] > 1]
-    results = []
-    for threat, end in shared[:2]:
-        more = new_state(threats, hosts + 1)
-        more.positions[:hosts], more.axes[:hosts] = state.positions, state.axes
-        parent = state.pairs[threat, end]
-        more.positions[hosts], more.axes[hosts] = state.positions[parent], state.axes[parent]
-        for t in range(threats):
-            for e in range(2):
-                host = hosts if (t, e) == (threat, end) else state.pairs[t, e]
-                set_view(more, t, e, host, state.cameras[t, e])
-        refresh(q, more)
-        results.append(more)
-    return results
-
-
-def _found(course: Course, executor: ThreadPoolExecutor, deadline: float, now: Callable[[], float]) -> bool:
-    """Try to find any placement for the course's number of hosts."""
-    for _ in range(FEASIBILITY_ROUNDS):
-        if course.pool.best is not None or (course.round > 0 and now() > deadline):
-            break
-        course.advance(executor)
-    return course.pool.best is not None
-
-
 def _run_until_proven(
     course: Course,
     executor: ThreadPoolExecutor,
@@ -178,6 +179,7 @@ def _run_until_proven(
     now: Callable[[], float],
     rounds: int | None,
     bound: float,
+    patience: int | None,
 ) -> float:
     """Run the course to its end, or until its best is proven optimal. Returns the bound, raised for a proof."""
     first = ROUNDS_BEFORE_PROOF if rounds is None else min(rounds, ROUNDS_BEFORE_PROOF)
@@ -188,7 +190,7 @@ def _run_until_proven(
         if best.cost.sum() <= bound * (1 + PROVEN_GAP):
             return bound
     rest = None if rounds is None else rounds - first
-    run(course, executor, deadline=deadline, now=now, rounds=rest)
+    run(course, executor, deadline=deadline, now=now, rounds=rest, patience=patience)
     return bound
 
 
