@@ -1,5 +1,6 @@
 """FLEET.toml: read once, checked whole, turned into the plain values the layers below work with."""
 
+import math
 import tomllib
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -15,6 +16,7 @@ from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
 from hsop_gcs.mission.core import Rules
 from hsop_gcs.mission.pipeline import PlanningRules
 from hsop_gcs.mission.state import Autonomy, ReplanRules
+from hsop_gcs.placement.airspace import Airspace, KeepOut, Polygon
 from hsop_gcs.placement.problem import Formulation, Objective
 from hsop_gcs.reports import Site
 
@@ -54,8 +56,10 @@ class PlanningSection(_Section):
     safety_distance_m: Positive = 20.0
     safety_margin_m: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 1.0
     min_separation_m: Positive = 10.0
+    host_position_sigma_m: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    host_attitude_sigma_deg: Annotated[float, Field(ge=0, le=45)] = 0.0
     settle_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 3.0
-    keep_margin: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.1
+    keep_margin: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.2
     time_limit_s: Positive = 1.0
     departure_m: Positive = 5.0
     seed: Annotated[int, Field(ge=0)] = 0
@@ -71,6 +75,22 @@ class LimitsSection(_Section):
         if self.floor_m >= self.ceiling_m:
             raise ValueError(f"floor_m {self.floor_m:g} must be below ceiling_m {self.ceiling_m:g}")
         return self
+
+
+Corner = tuple[Annotated[float, Field(ge=-90, le=90)], Annotated[float, Field(ge=-180, le=180)]]
+"""Latitude and longitude, degrees."""
+Corners = Annotated[tuple[Corner, ...], Field(min_length=3)]
+
+
+class FenceSection(_Section):
+    inside: Corners
+
+
+class KeepOutSection(_Section):
+    polygon: Corners
+    floor_m: Finite | None = None
+    ceiling_m: Finite | None = None
+    """Metres above the origin, like those of the flight limits; None: without end."""
 
 
 class PeripheralSection(_Section):
@@ -108,6 +128,8 @@ class Settings(_Section):
     planning: PlanningSection = PlanningSection()
     limits: LimitsSection = LimitsSection()
     rig: RigSection = RigSection()
+    fence: FenceSection | None = None
+    keep_out: tuple[KeepOutSection, ...] = ()
     hosts: Annotated[tuple[HostSection, ...], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -138,7 +160,22 @@ class Settings(_Section):
     def to_planning_rules(self) -> PlanningRules:
         fleet = self.to_fleet()
         given = self.planning.model_dump(exclude={"departure_m"})
-        return PlanningRules(**given, limits=fleet.limits, rig=fleet.rig)
+        return PlanningRules(**given, limits=fleet.limits, rig=fleet.rig, airspace=self.to_airspace())
+
+    def to_airspace(self) -> Airspace:
+        """Return the fence and the keep-out areas in the local frame. Raises BadInput for what is no area."""
+        frame = self.to_site().frame
+        return Airspace(
+            inside=() if self.fence is None else (_to_polygon(self.fence.inside, frame),),
+            keep_outs=tuple(
+                KeepOut(
+                    polygon=_to_polygon(area.polygon, frame),
+                    floor_m=-math.inf if area.floor_m is None else area.floor_m,
+                    ceiling_m=math.inf if area.ceiling_m is None else area.ceiling_m,
+                )
+                for area in self.keep_out
+            ),
+        )
 
     def to_rules(self) -> Rules:
         return Rules(
@@ -146,6 +183,13 @@ class Settings(_Section):
             planning=self.to_planning_rules(),
             replanning=ReplanRules(horizon_s=self.planning.horizon_s, departure_m=self.planning.departure_m),
         )
+
+
+def _to_polygon(corners: tuple[Corner, ...], frame: LocalFrame) -> Polygon:
+    """Return the corners in the local plane, metres."""
+    altitude_m = frame.origin.altitude_amsl_m
+    places = [frame.to_enu(GeodeticPoint(lat_deg=a, lon_deg=b, altitude_amsl_m=altitude_m)) for a, b in corners]
+    return tuple((float(east), float(north)) for east, north, _ in places)
 
 
 def read_settings(path: Path) -> Settings:

@@ -87,7 +87,7 @@ class GimbalOffTarget(OrderEvent):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GimbalControlLost(OrderEvent):
-    """Somebody else holds the primary control of the gimbal; it is being taken back."""
+    """Somebody else holds the primary control of the gimbal; it is being taken back. Ids 0: nobody said who."""
 
     owner_system: int
     owner_component: int

@@ -12,6 +12,7 @@ from hsop_gcs.assignment import HostOrder, Mover, NoSafeFlight, flight_s, order_
 from hsop_gcs.cameras.rig import CameraRig
 from hsop_gcs.fleet import FlightLimits
 from hsop_gcs.placement import place
+from hsop_gcs.placement.airspace import Airspace
 from hsop_gcs.placement.holding import held_over
 from hsop_gcs.placement.problem import AvailableHost, Formulation, Objective, Problem, Threat
 from hsop_gcs.placement.solution import HoverPose, Placement, Status, renamed
@@ -34,12 +35,29 @@ class PlanningRules:
     """How many hosts to use: "fewest" that see every threat, "all" that are available, or a number."""
     settle_s: float = 3.0
     """From reaching a hover point to a steady picture."""
-    keep_margin: float = 0.1
+    keep_margin: float = 0.2
     """A new plan takes the place of one that still holds only if this share of the cost is gained."""
     time_limit_s: float = 1.0
     seed: int = 0
     limits: FlightLimits = field(default_factory=FlightLimits)
+    airspace: Airspace = field(default_factory=Airspace)
+    """The fence and the keep-out areas; floor and ceiling are those of ``limits``."""
+    host_position_sigma_m: float = 0.0
+    host_attitude_sigma_deg: float = 0.0
+    """How well hosts know where they are and where their cameras point, each axis; counts in expected errors."""
     rig: CameraRig = field(default_factory=CameraRig)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sigma:
+    """Standard deviations of a threat's position and velocity, each axis."""
+
+    position_m: float
+    velocity_mps: float
+
+    def after(self, time_s: float) -> float:
+        """Return the position's so much later, metres."""
+        return math.hypot(self.position_m, self.velocity_mps * time_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,6 +67,8 @@ class Situation:
     now_s: float
     threats: tuple[Threat, ...]
     """Where they are now."""
+    sigmas: tuple[Sigma, ...] = ()
+    """How sure that is, of each."""
     movers: tuple[Mover, ...]
     """The hosts that can be sent."""
     flying: Placement | None = None
@@ -142,6 +162,10 @@ def _problem(situation: Situation, rules: PlanningRules, lead_s: float) -> Probl
         formulation=rules.formulation,
         objective=rules.objective,
         min_separation_m=rules.min_separation_m,
+        airspace=replace(rules.airspace, floor_m=rules.limits.floor_m, ceiling_m=rules.limits.ceiling_m),
+        lead_s=lead_s,
+        position_sigma_m=rules.host_position_sigma_m,
+        attitude_sigma_rad=math.radians(rules.host_attitude_sigma_deg),
     )
 
 

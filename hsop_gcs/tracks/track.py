@@ -78,6 +78,11 @@ class Track:
         """Return whether a source's id stands for this track."""
         return any(each.threat_id == threat_id and each.source == source for each in self.sources)
 
+    @property
+    def velocity_sigma_mps(self) -> float:
+        """Standard deviation of the velocity, each axis, root mean square over the axes."""
+        return math.sqrt(float(self.state.covariance[3:, 3:].trace()) / 3)
+
     def position_at(self, time_s: float) -> Vector3:
         """Return where it is expected at ``time_s``, ENU metres: straight on at constant speed (Eq. 7)."""
         ahead_s = time_s - self.time_s

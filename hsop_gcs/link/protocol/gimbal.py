@@ -28,6 +28,7 @@ from hsop_gcs.link.messages import (
 from hsop_gcs.link.protocol.command import ONCE, REPEATABLE, CommandSender, Outcome, Request, Verdict
 from hsop_gcs.link.protocol.telemetry import Telemetry
 
+_OWNER_NOT_TOLD = (0, 0)
 _UNCHANGED = -1.0
 _ASK_FOR_S = 5.0
 _LOOK_AGAIN_AFTER_S = 30.0
@@ -174,7 +175,8 @@ class Gimbal:
             if command == MavCmd.DO_GIMBAL_MANAGER_PITCHYAW and outcome.verdict is Verdict.NO_REPLY:
                 self._next_at = now
             if outcome.result == MavResult.DENIED and command == MavCmd.DO_GIMBAL_MANAGER_PITCHYAW:
-                self._ours, self._next_at = False, now
+                self._lose_control(_OWNER_NOT_TOLD)
+                self._next_at = now
         self.advance(now)
 
     def advance(self, now: float) -> None:
@@ -266,13 +268,18 @@ class Gimbal:
         owner = (message.primary_control_sysid, message.primary_control_compid)
         mine = owner == (self._own.system, self._own.component)
         if self._ours and not mine and now >= self._configured_at + self.tolerances.status_settles_s:
-            self._ours, self._next_at = False, now
-            if self.aim is not None:
-                self._events.append(
-                    GimbalControlLost(
-                        system=self._system, order_id=self._order_id, owner_system=owner[0], owner_component=owner[1]
-                    )
+            self._lose_control(owner)
+            self._next_at = now
+
+    def _lose_control(self, owner: tuple[int, int]) -> None:
+        was_ours, self._ours = self._ours, False
+        if self.aim is not None and was_ours:
+            system, component = owner
+            self._events.append(
+                GimbalControlLost(
+                    system=self._system, order_id=self._order_id, owner_system=system, owner_component=component
                 )
+            )
 
     def _check_target(self, now: float) -> None:
         error_deg = self.error_deg
