@@ -7,6 +7,7 @@ picklable, because a decision is made in a worker process.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 from hsop_gcs.assignment import HostOrder, Mover, NoSafeFlight, flight_s, order_for, orders_for
 from hsop_gcs.cameras.rig import CameraRig
@@ -15,9 +16,16 @@ from hsop_gcs.placement import place
 from hsop_gcs.placement.airspace import Airspace
 from hsop_gcs.placement.holding import held_over
 from hsop_gcs.placement.problem import AvailableHost, Formulation, Objective, Problem, Threat
-from hsop_gcs.placement.solution import HoverPose, Placement, Status, renamed
+from hsop_gcs.placement.solution import HoverPose, Placement, Status, renamed, worst_error_m
 
 _ARRIVAL_TOLERANCE_S = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TargetError:
+    """As many hosts as it takes to expect no greater error of any threat; all that are available if none reach it."""
+
+    target_error_m: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,8 +39,9 @@ class PlanningRules:
     min_separation_m: float = 10.0
     formulation: Formulation = Formulation.OPERATIONAL
     objective: Objective = Objective.LETTER
-    hosts: int | str = "fewest"
-    """How many hosts to use: "fewest" that see every threat, "all" that are available, or a number."""
+    hosts: int | Literal["fewest", "all"] | TargetError = TargetError()
+    """How many hosts to use: "fewest" that see every threat, "all" that are available, a number, or the fewest that
+    bring every threat's expected error to a target."""
     settle_s: float = 3.0
     """From reaching a hover point to a steady picture."""
     keep_margin: float = 0.2
@@ -127,6 +136,9 @@ def _decide_for(
         time_limit_s=rules.time_limit_s,
         iterations=iterations[0] if iterations else None,
         now=now,
+        target_error_m=_target_m(rules),
+        warm_start=situation.flying,
+        until_settled=True,
     )
     decision = Decision(
         placement=placement,
@@ -182,6 +194,9 @@ def _kept(situation: Situation, rules: PlanningRules, new: Decision) -> Decision
         return None
     if new.orders and new.placement.cost is not None and then.cost > (1 + rules.keep_margin) * new.placement.cost:
         return None
+    target_m = _target_m(rules)
+    if new.orders and target_m is not None and worst_error_m(new.placement) <= target_m < worst_error_m(then):
+        return None
     return Decision(
         placement=now,
         threats=situation.threats,
@@ -192,11 +207,15 @@ def _kept(situation: Situation, rules: PlanningRules, new: Decision) -> Decision
 
 
 def _host_count(problem: Problem, rules: PlanningRules) -> int | None:
-    """The number of hosts to place; None leaves it to the placement: the fewest that see every threat."""
-    if rules.hosts == "fewest":
+    """The number of hosts to place; None leaves it to the placement: the fewest that do."""
+    if rules.hosts == "fewest" or isinstance(rules.hosts, TargetError):
         return None
     wanted = len(problem.hosts) if rules.hosts == "all" else int(rules.hosts)
     return min(wanted, 2 * len(problem.threats))
+
+
+def _target_m(rules: PlanningRules) -> float | None:
+    return rules.hosts.target_error_m if isinstance(rules.hosts, TargetError) else None
 
 
 def _within_limits(pose: HoverPose, limits: FlightLimits) -> HoverPose:

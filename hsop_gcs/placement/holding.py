@@ -5,18 +5,20 @@ from dataclasses import replace
 import numpy as np
 
 from hsop_gcs.cameras.rig import CameraKind
-from hsop_gcs.geometry.frames import aim_between
-from hsop_gcs.placement.objective import evaluate, threat_points_m
-from hsop_gcs.placement.problem import Point, Problem
+from hsop_gcs.geometry.frames import aim_at, aim_between
+from hsop_gcs.placement.objective import FloatArray, evaluate, threat_points_m
+from hsop_gcs.placement.problem import Formulation, Point, Problem
 from hsop_gcs.placement.solution import HoverPose, Placement, Status
 
 _TOLERANCE = 1e-6
+_CONE_STEPS = 12
 
 
 def held_over(placement: Placement, problem: Problem) -> Placement | None:
     """Return the placement with its cameras turned to the problem's threats; None if a constraint does not hold.
 
-    Hosts stay where they are with the headings and views they have; pans bisect what the central cameras are to see.
+    Hosts stay where they are with the headings and views they have; central cameras turn to the middle of what they are
+    to see.
     """
     if {pair.threat for pair in placement.pairs} != {threat.id for threat in problem.threats}:
         return None
@@ -44,5 +46,26 @@ def _turned(pose: HoverPose, placement: Placement, points: dict[str, tuple[Point
     ]
     if not seen:
         return pose
-    aim = aim_between(np.array(pose.position_m), np.array(seen))
+    here = np.array(pose.position_m)
+    if placement.formulation is Formulation.LETTER:
+        aim = aim_between(here, np.array(seen))
+    else:
+        aim = aim_at(here, here + middle_direction(np.array(seen) - here))
     return replace(pose, pan_deg=aim.pan_deg, tilt_deg=aim.tilt_deg)
+
+
+def middle_direction(rays: FloatArray) -> FloatArray:
+    """Return the axis, (3,), of the narrowest cone around rays (n, 3); for more than two, the narrowest but for little.
+
+    From the middle between two far rays it goes towards whatever ray is farthest, in ever smaller steps.
+    """
+    units = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    first = units[int((units @ units[0]).argmin())]
+    second = units[int((units @ first).argmin())]
+    axis = best = (first + second) / np.linalg.norm(first + second)
+    for step in range(_CONE_STEPS):
+        if (units @ axis).min() > (units @ best).min():
+            best = axis
+        axis = axis + 0.5 / (step + 2) * (units[int((units @ axis).argmin())] - axis)
+        axis = axis / np.linalg.norm(axis)
+    return best

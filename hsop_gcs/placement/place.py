@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
@@ -17,13 +18,15 @@ from hsop_gcs.placement.instance import FloatArray, Instance
 from hsop_gcs.placement.objective import evaluate, threat_points_m
 from hsop_gcs.placement.pair_sets import PlanePoint, observed_threats
 from hsop_gcs.placement.pair_sets import initial_observers as initial_observers_of
-from hsop_gcs.placement.problem import Objective, Problem
-from hsop_gcs.placement.reasons import why_infeasible
+from hsop_gcs.placement.problem import Formulation, Objective, Problem
+from hsop_gcs.placement.reasons import why_infeasible, why_not_flown
 from hsop_gcs.placement.solution import HoverPose, Method, Placement, Status, ThreatPair, View
 
 PROVEN_GAP = 1e-3
 REASONING_S = 1.0
 """What it may take to say why the search found nothing."""
+REASONING_ROUNDS = 3
+"""How many rounds of the search it takes to believe that there is nothing to find."""
 KINDS = {PERIPHERAL: CameraKind.PERIPHERAL, CENTRAL: CameraKind.CENTRAL}
 
 
@@ -95,8 +98,28 @@ def place(
         counts = range(2, available + 1) if n_hosts is None else range(n_hosts, min(n_hosts, available) + 1)
         placement = _fewest_first(problem, search, method, counts, by_role=initial_observers)
     if placement.status is Status.INFEASIBLE:
-        placement = replace(placement, reason=why_infeasible(problem, search, n_hosts=n_hosts, available=available))
+        if method is Method.SEARCH and problem.formulation is Formulation.OPERATIONAL:
+            reason = why_not_flown(
+                problem,
+                search,
+                n_hosts=n_hosts,
+                available=available,
+                possible=lambda asked, count: _is_possible(asked, count, seed, now),
+            )
+        else:
+            reason = why_infeasible(problem, search, n_hosts=n_hosts, available=available)
+        placement = replace(placement, reason=reason)
     return replace(placement, method=method, seed=seed, solve_time_s=now() - started)
+
+
+def _is_possible(problem: Problem, n_hosts: int, seed: int, now: Callable[[], float]) -> bool:
+    """Return whether a few rounds of the search find any placement."""
+    from hsop_gcs.placement.search import search as search_globally
+
+    found = search_globally(
+        problem, n_hosts=n_hosts, seed=seed, deadline=math.inf, now=now, iterations=REASONING_ROUNDS
+    )
+    return found.status is not Status.INFEASIBLE
 
 
 def _fewest_first(problem: Problem, search: Search, method: Method, counts: range, *, by_role: bool) -> Placement:
@@ -124,6 +147,19 @@ def _check(problem: Problem, n_hosts: int | None, method: Method, *, letters_own
         raise BadInput("method", f"{method.value!r} knows neither initial observers nor the letter's cameras")
     if problem.objective is not Objective.LETTER and method is not Method.SEARCH:
         raise BadInput("objective", f"{problem.objective.value!r} is not what method {method.value!r} minimises")
+    if method is not Method.SEARCH and not _is_plane(problem):
+        raise BadInput(
+            "method", f"{method.value!r} knows only threats at one altitude, and neither fence nor keep-outs nor travel"
+        )
+
+
+def _is_plane(problem: Problem) -> bool:
+    """Return whether the problem is the letter's plane one, or an operational one that differs in no more than that."""
+    if problem.formulation is Formulation.LETTER:
+        return True
+    up, airspace = threat_points_m(problem)[:, :, 2], problem.airspace
+    limited = airspace.inside or airspace.keep_outs or problem.lead_s
+    return bool(np.ptp(up) < 1e-9) and not limited and airspace.altitude_room_m(float(up.mean())) >= 0
 
 
 def _check_target(target_error_m: float, n_hosts: int | None, method: Method) -> None:

@@ -1,10 +1,14 @@
 """Why there is no placement, in terms of what was asked."""
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
 
+from hsop_gcs.placement.airspace import Airspace
 from hsop_gcs.placement.coverage_only import cover
 from hsop_gcs.placement.feasibility import CENTRAL, PERIPHERAL
 from hsop_gcs.placement.hsop import Search
+from hsop_gcs.placement.objective import hover_altitudes_m, threat_points_m
 from hsop_gcs.placement.problem import Formulation, Problem
 
 
@@ -15,7 +19,11 @@ def why_infeasible(problem: Problem, search: Search, *, n_hosts: int | None, ava
     """
     for index, threat in enumerate(problem.threats):
         if not search.poses.covers(1 << index):
-            return _why_unseen(problem, search, index, threat.id)
+            rule = "every threat's path" if problem.formulation is Formulation.OPERATIONAL else "both its points"
+            return _beyond_cameras(problem, search, index) or (
+                f"no hover point that keeps {problem.safety_distance_m:g} m from {rule} sees threat {threat.id} now "
+                f"and after {problem.horizon_s:g} s"
+            )
     if n_hosts is not None and n_hosts > available:
         return f"{n_hosts} hosts were asked for, {_hosts(available)} available"
     restricted, search.observers = search.observers is not None, None
@@ -35,27 +43,115 @@ def why_infeasible(problem: Problem, search: Search, *, n_hosts: int | None, ava
     return "each threat can be seen by itself, but no placement that sees all of them was found for any number of hosts"
 
 
+def why_not_flown(
+    problem: Problem,
+    search: Search,
+    *,
+    n_hosts: int | None,
+    available: int,
+    possible: Callable[[Problem, int], bool],
+) -> str:
+    """Return one sentence on why nothing that can be flown was found, in the operational formulation.
+
+    possible: whether a placement of a problem with exactly so many hosts is found. A threat that not even two hosts of
+    its own can see comes first, then the number of hosts, then the rule without which more of them would do.
+    """
+    for index, threat in enumerate(problem.threats):
+        if beyond := _beyond_cameras(problem, search, index):
+            return beyond
+        alone = replace(problem, threats=(threat,), hosts=(), max_hosts=None)
+        if not search.late() and not possible(alone, 2):
+            return f"threat {threat.id} cannot be seen by any two hosts: {_in_the_way(alone, 2, possible)}"
+    if n_hosts is not None and n_hosts > available:
+        return f"{n_hosts} hosts were asked for, {_hosts(available)} available"
+    most = 2 * len(problem.threats)
+    unlimited = replace(problem, hosts=(), max_hosts=None)
+    for count in range(max(2, (available if n_hosts is None else n_hosts) + 1), most + 1):
+        if search.late():
+            return "the time limit passed before a placement was found"
+        if possible(unlimited, count):
+            if n_hosts is not None:
+                return f"no placement of {n_hosts} hosts sees every threat; {count} hosts can"
+            return f"{_hosts(available)} available; at least {count} are needed to see every threat"
+    asked = min(most, available) if n_hosts is None else n_hosts
+    more = f", nor can up to {most}" if asked < most else ""
+    return f"{_counted(asked)} cannot see every threat{more}: {_in_the_way(unlimited, max(2, asked), possible)}"
+
+
+def _in_the_way(problem: Problem, n_hosts: int, possible: Callable[[Problem, int], bool]) -> str:
+    """Name the rule that stands in the way: the first without which a placement is found."""
+    airspace = problem.airspace
+    free = replace(airspace, inside=())
+    rules: list[tuple[str, Problem]] = []
+    if airspace.inside:
+        rules.append(("the fence", replace(problem, airspace=free)))
+    if airspace.keep_outs:
+        named = "the keep-out area" if len(airspace.keep_outs) == 1 else "the keep-out areas"
+        rules.append((named, replace(problem, airspace=replace(airspace, keep_outs=()))))
+    if airspace.floor_m is not None or airspace.ceiling_m is not None:
+        # What the threats' own altitudes would allow, and what is allowed now.
+        low, high = hover_altitudes_m(replace(problem, airspace=Airspace()))
+        now_low, now_high = hover_altitudes_m(problem)
+        wider = replace(airspace, floor_m=min(low, now_low), ceiling_m=max(high, now_high))
+        limits = " and ".join(
+            f"the {name} of {limit:g} m"
+            for name, limit in (("floor", airspace.floor_m), ("ceiling", airspace.ceiling_m))
+            if limit is not None
+        )
+        rules.append((limits, replace(problem, airspace=wider)))
+    if problem.min_separation_m > 0:
+        apart = f"the separation of {problem.min_separation_m:g} m between hosts"
+        rules.append((apart, replace(problem, min_separation_m=0.0)))
+    if problem.lead_s > 0:
+        rules.append((f"the threats' ways in the next {problem.lead_s:.0f} s", replace(problem, lead_s=0.0)))
+    near = replace(problem, safety_distance_m=min(1.0, problem.safety_distance_m))
+    rules.append((f"the safety distance of {problem.safety_distance_m:g} m from every threat's path", near))
+    for name, without in rules:
+        if possible(without, n_hosts):
+            verb = "are" if " and " in name or name.endswith(("areas", " s")) else "is"
+            return f"{name} {verb} in the way"
+    if len(rules) > 1:
+        everything = replace(near, airspace=Airspace(), min_separation_m=0.0, lead_s=0.0)
+        if possible(everything, n_hosts):
+            return "no single rule is in the way, but " + ", ".join(name for name, _ in rules) + " together are"
+    return "no hover points are near enough for the least pixels that the cameras need"
+
+
+def _counted(count: int) -> str:
+    return "1 host" if count == 1 else f"{count} hosts"
+
+
 def _hosts(count: int) -> str:
     return {0: "no host is", 1: "1 host is"}.get(count, f"{count} hosts are")
 
 
-def _why_unseen(problem: Problem, search: Search, index: int, name: str) -> str:
-    """Say why not even a host of its own sees a threat."""
-    safe = problem.safety_distance_m
+def _beyond_cameras(problem: Problem, search: Search, index: int) -> str | None:
+    """Say why not even a host of its own sees a threat if its size, altitude or path alone forbid it; else None."""
+    threat, safe = problem.threats[index], problem.safety_distance_m
     peripheral, central = (float(search.screen.reach_m[camera, index]) for camera in (PERIPHERAL, CENTRAL))
-    if max(peripheral, central) < safe:
+    farthest = max(peripheral, central)
+    if farthest < safe:
         return (
-            f"threat {name} is detected no farther than {max(peripheral, central):.1f} m away, "
+            f"threat {threat.id} is detected no farther than {farthest:.1f} m away, "
             f"which is inside the safety distance of {safe:g} m"
         )
-    start, end = search.instance.points_m[index]
-    path = math.dist(start, end)
+    operational = problem.formulation is Formulation.OPERATIONAL
+    start, end = threat_points_m(problem)[index]
+    low, high = hover_altitudes_m(problem)
+    for up in (float(start[2]), float(end[2])):
+        off = max(low - up, up - high)
+        if operational and off > farthest:
+            limit = f"the floor of {low:g} m" if up < low else f"the ceiling of {high:g} m"
+            return (
+                f"threat {threat.id} is {off:.1f} m beyond {limit}, and is detected no farther than "
+                f"{farthest:.1f} m away"
+            )
+    path = math.dist(start, end) if operational else math.dist(start[:2], end[:2])
     span = float(search.screen.longest_central_span_m(central, central)) if central >= safe else 0.0
     longest = max(2 * peripheral, span)
     if path > longest:
         return (
-            f"threat {name} flies {path:.1f} m within the horizon of {problem.horizon_s:g} s; "
+            f"threat {threat.id} flies {path:.1f} m within the horizon of {problem.horizon_s:g} s; "
             f"one host sees at most {longest:.1f} m of a path"
         )
-    rule = "every threat's path" if problem.formulation is Formulation.OPERATIONAL else "both its points"
-    return f"no hover point that keeps {safe:g} m from {rule} sees threat {name} now and after {problem.horizon_s:g} s"
+    return None
