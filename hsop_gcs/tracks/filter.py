@@ -95,16 +95,18 @@ def update(
 ) -> tuple[FloatArray, FloatArray]:
     """Return predicted means and covariances after n measurements of one dimension; see ``correct`` for ``gate``.
 
-    Bearings are taken up at the corrected state, again and again (iterated extended Kalman filter): linearised at a
-    position known to 15 m at 70 m they would leave errors many times what the covariance says. A bearing towards a
-    threat that is expected behind the camera changes nothing.
+    Bearings are taken up again and again, linearised half way to the corrected state: linearised at a position known
+    to 15 m at 70 m they would leave errors many times what the covariance says, and at the corrected one they would
+    pull a threat that one camera sees alone towards it. A bearing towards a threat that is expected behind the camera
+    changes nothing.
     """
     if not isinstance(measurements[0], Bearing):
         return correct(mean, covariance, innovate(mean, covariance, measurements, rules), gate)
     corrected_mean, corrected_covariance = mean, covariance
     for _ in range(_BEARING_ITERATIONS):
-        seen = innovate(corrected_mean, covariance, measurements, rules)
-        moved = (seen.matrix @ (corrected_mean - mean)[:, :, None])[:, :, 0]
+        midway = mean + 0.5 * (corrected_mean - mean)
+        seen = innovate(midway, covariance, measurements, rules)
+        moved = (seen.matrix @ (midway - mean)[:, :, None])[:, :, 0]
         ahead = np.isfinite(seen.residual[:, 0])
         if not ahead.any():
             break
