@@ -14,11 +14,12 @@ from hsop_gcs.errors import BadInput
 from hsop_gcs.fleet import Fleet, FlightLimits, Host
 from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
 from hsop_gcs.mission.core import Rules
-from hsop_gcs.mission.pipeline import PlanningRules
+from hsop_gcs.mission.pipeline import PlanningRules, TargetError
 from hsop_gcs.mission.state import Autonomy, ReplanRules
 from hsop_gcs.placement.airspace import Airspace, KeepOut, Polygon
 from hsop_gcs.placement.problem import Formulation, Objective
 from hsop_gcs.reports import Site
+from hsop_gcs.tracks import ConfirmAtOnce, TrackRules
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -48,8 +49,13 @@ class ServiceSection(_Section):
     """Where everything that happens is written down; a mission found there goes on. None: nowhere."""
 
 
+class TargetErrorSection(_Section):
+    target_error_m: Positive = 1.0
+
+
 class PlanningSection(_Section):
-    hosts: Literal["fewest", "all"] | Annotated[int, Field(ge=2)] = "fewest"
+    hosts: Literal["fewest", "all"] | Annotated[int, Field(ge=2)] | TargetErrorSection = TargetErrorSection()
+    """The target: the fewest that bring every threat's expected error to it, and all of them if none do."""
     formulation: Formulation = Formulation.OPERATIONAL
     objective: Objective = Objective.LETTER
     horizon_s: Positive = 10.0
@@ -63,6 +69,13 @@ class PlanningSection(_Section):
     time_limit_s: Positive = 1.0
     departure_m: Positive = 5.0
     seed: Annotated[int, Field(ge=0)] = 0
+
+
+class TracksSection(_Section):
+    default_sigma_m: Positive = 2.0
+    """Of a position whose source does not say."""
+    confirm_at_once: ConfirmAtOnce = ConfirmAtOnce.ID
+    timeout_s: Positive = 10.0
 
 
 class LimitsSection(_Section):
@@ -126,6 +139,7 @@ class Settings(_Section):
     site: SiteSection
     service: ServiceSection = ServiceSection()
     planning: PlanningSection = PlanningSection()
+    tracks: TracksSection = TracksSection()
     limits: LimitsSection = LimitsSection()
     rig: RigSection = RigSection()
     fence: FenceSection | None = None
@@ -159,8 +173,10 @@ class Settings(_Section):
 
     def to_planning_rules(self) -> PlanningRules:
         fleet = self.to_fleet()
-        given = self.planning.model_dump(exclude={"departure_m"})
-        return PlanningRules(**given, limits=fleet.limits, rig=fleet.rig, airspace=self.to_airspace())
+        given = self.planning.model_dump(exclude={"departure_m", "hosts"})
+        hosts = self.planning.hosts
+        wanted = TargetError(**hosts.model_dump()) if isinstance(hosts, TargetErrorSection) else hosts
+        return PlanningRules(**given, hosts=wanted, limits=fleet.limits, rig=fleet.rig, airspace=self.to_airspace())
 
     def to_airspace(self) -> Airspace:
         """Return the fence and the keep-out areas in the local frame. Raises BadInput for what is no area."""
@@ -181,6 +197,7 @@ class Settings(_Section):
         return Rules(
             autonomy=self.service.autonomy,
             planning=self.to_planning_rules(),
+            tracks=TrackRules(**self.tracks.model_dump()),
             replanning=ReplanRules(horizon_s=self.planning.horizon_s, departure_m=self.planning.departure_m),
         )
 
