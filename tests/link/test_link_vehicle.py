@@ -449,6 +449,7 @@ def test_control_of_the_gimbal_is_taken_with_our_own_ids_and_taken_back() -> Non
     ends.until(lambda: ends.saw(GimbalOffTarget))
     ends.until(lambda: len(ends.of(GimbalOnTarget)) == 2)
     (lost,) = ends.of(GimbalControlLost)
+    assert isinstance(lost, GimbalControlLost)
     assert (lost.owner_system, lost.owner_component) in ((200, 190), (0, 0)), "the thief, or nobody in a denial"
     assert len(ends.of(OnStation)) == 2
 
