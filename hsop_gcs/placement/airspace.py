@@ -23,7 +23,7 @@ class KeepOut:
     ceiling_m: float = math.inf
 
     def __post_init__(self) -> None:
-        _require_area(self.polygon, "keep_out.polygon")
+        require_area(self.polygon, "keep_out.polygon")
         if not self.floor_m < self.ceiling_m:
             raise BadInput("keep_out.floor_m", f"{self.floor_m:g} must be below ceiling_m {self.ceiling_m:g}")
 
@@ -46,7 +46,7 @@ class Airspace:
 
     def __post_init__(self) -> None:
         for polygon in self.inside:
-            _require_area(polygon, "fence.inside")
+            require_area(polygon, "fence.inside")
         if self.floor_m is not None and self.ceiling_m is not None and self.floor_m > self.ceiling_m:
             raise BadInput("floor_m", f"{self.floor_m:g} must not be above ceiling_m {self.ceiling_m:g}")
 
@@ -79,7 +79,8 @@ def _area(polygon: Polygon) -> shapely.Polygon:
     return area
 
 
-def _require_area(polygon: Polygon, field: str) -> None:
+def require_area(polygon: Polygon, field: str) -> None:
+    """Raise BadInput unless the corners enclose an area whose sides do not cross."""
     if len(polygon) < 3:
         raise BadInput(field, f"an area has at least 3 corners, not {len(polygon)}")
     if not all(math.isfinite(value) for corner in polygon for value in corner):

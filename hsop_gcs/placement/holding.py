@@ -68,4 +68,4 @@ def middle_direction(rays: FloatArray) -> FloatArray:
             best = axis
         axis = axis + 0.5 / (step + 2) * (units[int((units @ axis).argmin())] - axis)
         axis = axis / np.linalg.norm(axis)
-    return best
+    return np.asarray(best)

@@ -12,6 +12,7 @@ from hsop_gcs.cameras.fisheye import FisheyeCamera
 from hsop_gcs.cameras.pinhole import PinholeCamera
 from hsop_gcs.cameras.rig import CameraRig
 from hsop_gcs.errors import BadInput
+from hsop_gcs.placement.airspace import Airspace, KeepOut, Polygon, require_area
 from hsop_gcs.placement.problem import AvailableHost, Formulation, Objective, Point, Problem, Threat
 from hsop_gcs.placement.solution import HoverPose, Placement
 
@@ -40,7 +41,7 @@ def problem_from_json(
     objective: Objective = Objective.LETTER,
 ) -> Problem:
     """Turn a scenario file's content into a problem. Raises BadInput naming the field and the value."""
-    fields = _object(scenario, "scenario", {"parameters", "threats", "hosts"})
+    fields = _object(scenario, "scenario", {"parameters", "threats", "hosts", "fence", "keep_outs"})
     if "threats" not in fields:
         raise BadInput("threats", "missing")
     threats = tuple(_threat(item, f"threats[{k}]") for k, item in enumerate(_list(fields["threats"], "threats")))
@@ -54,7 +55,10 @@ def problem_from_json(
     given = _object(
         fields.get("parameters", {}),
         "parameters",
-        {"horizon_s", "safety_distance_m", "min_separation_m", "peripheral", "central"},
+        {
+            *("horizon_s", "safety_distance_m", "min_separation_m", "floor_m", "ceiling_m"),
+            *("host_position_sigma_m", "host_attitude_sigma_deg", "peripheral", "central"),
+        },
     )
     defaults = Problem(threats=threats)
     return Problem(
@@ -71,6 +75,13 @@ def problem_from_json(
         ),
         min_separation_m=_number(
             given.get("min_separation_m", defaults.min_separation_m), "parameters.min_separation_m", least=0.0, most=1e5
+        ),
+        airspace=_airspace(fields, given),
+        position_sigma_m=_number(
+            given.get("host_position_sigma_m", 0.0), "parameters.host_position_sigma_m", least=0.0, most=1e3
+        ),
+        attitude_sigma_rad=math.radians(
+            _number(given.get("host_attitude_sigma_deg", 0.0), "parameters.host_attitude_sigma_deg", least=0.0, most=45)
         ),
         formulation=formulation,
         objective=objective,
@@ -131,6 +142,49 @@ def _threat(item: Any, field: str) -> Threat:
 def _host(item: Any, field: str) -> AvailableHost:
     given = _object(item, field, {"id", "position_m"})
     return AvailableHost(id=_id(given, field), position_m=_position(given, field))
+
+
+def _airspace(fields: Mapping[str, Any], given: Mapping[str, Any]) -> Airspace:
+    """Return where hosts may hover: a fence and keep-out areas, with corners in metres east and north."""
+    floor_m, ceiling_m = (_limit(given, name, f"parameters.{name}") for name in ("floor_m", "ceiling_m"))
+    if floor_m is not None and ceiling_m is not None and floor_m > ceiling_m:
+        raise BadInput("parameters.floor_m", f"{floor_m:g} must not be above ceiling_m {ceiling_m:g}")
+    return Airspace(
+        inside=(_polygon(fields["fence"], "fence"),) if "fence" in fields else (),
+        keep_outs=tuple(
+            _keep_out(item, f"keep_outs[{k}]") for k, item in enumerate(_list(fields.get("keep_outs", []), "keep_outs"))
+        ),
+        floor_m=floor_m,
+        ceiling_m=ceiling_m,
+    )
+
+
+def _keep_out(item: Any, field: str) -> KeepOut:
+    given = _object(item, field, {"polygon", "floor_m", "ceiling_m"})
+    if "polygon" not in given:
+        raise BadInput(f"{field}.polygon", "missing")
+    floor_m, ceiling_m = (_limit(given, name, f"{field}.{name}") for name in ("floor_m", "ceiling_m"))
+    low, high = -math.inf if floor_m is None else floor_m, math.inf if ceiling_m is None else ceiling_m
+    if low >= high:
+        raise BadInput(f"{field}.floor_m", f"{low:g} must be below ceiling_m {high:g}")
+    return KeepOut(polygon=_polygon(given["polygon"], f"{field}.polygon"), floor_m=low, ceiling_m=high)
+
+
+def _limit(given: Mapping[str, Any], name: str, field: str) -> float | None:
+    value = given.get(name)
+    return None if value is None else _number(value, field, least=-FARTHEST_M, most=FARTHEST_M)
+
+
+def _polygon(value: Any, field: str) -> Polygon:
+    corners = []
+    for k, corner in enumerate(_list(value, field)):
+        pair = _list(corner, f"{field}[{k}]")
+        if len(pair) != 2:
+            raise BadInput(f"{field}[{k}]", f"must be east and north, not {_shown(corner)}")
+        east, north = (_number(n, f"{field}[{k}]", least=-FARTHEST_M, most=FARTHEST_M) for n in pair)
+        corners.append((east, north))
+    require_area(tuple(corners), field)
+    return tuple(corners)
 
 
 def _peripheral(item: Any, field: str) -> FisheyeCamera:
