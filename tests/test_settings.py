@@ -1,5 +1,6 @@
 """FLEET.toml: what is read, and how faults are told."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -40,6 +41,27 @@ def test_what_is_not_said_has_the_letters_values_and_nothing_moves_unapproved(tm
     assert [host.system_id for host in settings.to_fleet().hosts] == [1, 2]
 
 
+def test_the_fence_and_keep_outs_arrive_in_local_metres(tmp_path: Path) -> None:
+    path = tmp_path / "FLEET.toml"
+    path.write_text(
+        GOOD
+        + """
+[fence]
+inside = [[47.3967, 8.5446], [47.3987, 8.5446], [47.3987, 8.5466], [47.3967, 8.5466]]
+
+[[keep_out]]
+polygon = [[47.3977, 8.5456], [47.3978, 8.5456], [47.3978, 8.5458]]
+ceiling_m = 30.0
+"""
+    )
+    rules = read_settings(path).to_planning_rules()
+    assert rules.airspace.fence_room_m((0.0, 0.0, 50.0)) == pytest.approx(75.5, abs=0.5)
+    (tower,) = rules.airspace.keep_outs
+    # A ten-thousandth of a degree of latitude is 11.12 m.
+    assert tower.polygon[1] == pytest.approx((0.0, 11.12), abs=0.01)
+    assert (tower.floor_m, tower.ceiling_m) == (-math.inf, 30.0)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -54,6 +76,8 @@ def test_what_is_not_said_has_the_letters_values_and_nothing_moves_unapproved(tm
             r"service\.autonomy: .*'advise', 'confirm' or 'auto'.*yolo",
         ),
         (("[site]", "[limits]\nfloor_m = 50\nceiling_m = 40\n[site]"), "limits: floor_m 50 must be below ceiling_m 40"),
+        (("[site]", "[fence]\ninside = [[47.4, 8.5], [47.5, 8.5]]\n[site]"), r"fence\.inside: .*at least 3"),
+        (("[site]", "[fence]\ninside = [[47.4, 8.5], [97, 8.5], [47, 8]]\n[site]"), r"fence\.inside\.1\.0: .*97"),
         (("[site]", "[sites]"), "site: field required"),
         (("[site]", "[site"), "not TOML"),
     ],

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from hsop_gcs.errors import BadInput
 from hsop_gcs.placement import place
+from hsop_gcs.placement.airspace import Airspace, KeepOut
 from hsop_gcs.placement.problem import Formulation
 from hsop_gcs.placement.scenario import parse_json, plan_to_json, problem_from_json
 from tests.placement.examples import NAMES, read
@@ -57,6 +58,54 @@ def test_every_field_arrives_where_it_belongs() -> None:
     assert (problem.threats[0].size_m, problem.threats[0].weight) == (0.5, 2.0)
     assert [(host.id, host.position_m) for host in problem.hosts] == [("h1", (0.0, 0.0, 0.0)), ("h2", (0.0, 5.0, 1.0))]
     assert problem.max_hosts == 2
+
+
+def test_where_hosts_may_hover_and_how_well_they_know_their_pose_is_read() -> None:
+    given = {
+        **GOOD,
+        "fence": [[0, 0], [100, 0], [0, 80.5]],
+        "keep_outs": [{"polygon": [[1, 1], [2, 1], [2, 2]], "ceiling_m": 30}, {"polygon": [[5, 5], [6, 5], [6, 6]]}],
+        "parameters": {"floor_m": 10, "ceiling_m": 90, "host_position_sigma_m": 0.4, "host_attitude_sigma_deg": 2},
+    }
+    problem = problem_from_json(given)
+    assert problem.airspace == Airspace(
+        inside=(((0.0, 0.0), (100.0, 0.0), (0.0, 80.5)),),
+        keep_outs=(
+            KeepOut(polygon=((1.0, 1.0), (2.0, 1.0), (2.0, 2.0)), ceiling_m=30.0),
+            KeepOut(polygon=((5.0, 5.0), (6.0, 5.0), (6.0, 6.0))),
+        ),
+        floor_m=10.0,
+        ceiling_m=90.0,
+    )
+    assert (problem.position_sigma_m, problem.attitude_sigma_rad) == (0.4, pytest.approx(math.radians(2)))
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "field", "shown"),
+    [
+        ("fence", [[0, 0], [1, 0]], "fence", "3 corners, not 2"),
+        ("fence", [[0, 0], [1, 1], [1, 0], [0, 1]], "fence", "Self-intersection"),
+        ("fence", [[0, 0], [1, "x"], [1, 0]], r"fence\[1\]", '"x"'),
+        ("fence", [[0, 0, 0], [1, 1, 0], [1, 0, 0]], r"fence\[0\]", "east and north"),
+        ("keep_outs", [{"floor_m": 3}], r"keep_outs\[0\]\.polygon", "missing"),
+        (
+            "keep_outs",
+            [{"polygon": [[0, 0], [1, 0], [1, 1]], "floor_m": 9, "ceiling_m": 4}],
+            r"keep_outs\[0\]\.floor_m",
+            "9 must be below ceiling_m 4",
+        ),
+        ("parameters.floor_m", "low", r"parameters\.floor_m", '"low"'),
+        ("parameters.host_attitude_sigma_deg", -1, r"parameters\.host_attitude_sigma_deg", "-1"),
+    ],
+)
+def test_an_area_or_limit_that_is_none_is_named_with_its_value(path: str, value: Any, field: str, shown: str) -> None:
+    with pytest.raises(BadInput, match=rf"^{field}: .*{shown}"):
+        problem_from_json(changed(path, value))
+
+
+def test_a_floor_above_the_ceiling_is_refused() -> None:
+    with pytest.raises(BadInput, match=r"parameters\.floor_m: 50 must not be above ceiling_m 40"):
+        problem_from_json({**GOOD, "parameters": {"floor_m": 50, "ceiling_m": 40}})
 
 
 def test_without_hosts_there_is_no_limit_and_an_empty_list_is_no_host() -> None:
@@ -167,7 +216,7 @@ def test_a_field_given_twice_and_bottomless_nesting_are_refused() -> None:
 
 
 def test_a_plan_file_has_the_fields_of_the_design_and_survives_json() -> None:
-    placement = place(problem_from_json(read("1-threats-101")), now=lambda: 0.0)
+    placement = place(problem_from_json(read("1-threats-101")), iterations=1, now=lambda: 0.0)
     plan = plan_to_json(placement)
     assert json.loads(json.dumps(plan, allow_nan=False)) == plan
     assert plan.keys() == {
@@ -181,7 +230,7 @@ def test_a_plan_file_has_the_fields_of_the_design_and_survives_json() -> None:
 
 def test_an_infeasible_plan_file_says_so_and_why() -> None:
     scenario = {"threats": GOOD["threats"], "hosts": []}
-    plan = plan_to_json(place(problem_from_json(scenario), now=lambda: 0.0))
+    plan = plan_to_json(place(problem_from_json(scenario), iterations=1, now=lambda: 0.0))
     assert plan["status"] == "infeasible"
     assert plan["reason"] == "no host is available; at least 2 are needed to see every threat"
     assert (plan["cost"], plan["n_hosts"], plan["hosts"], plan["pairs"]) == (None, 0, [], [])
