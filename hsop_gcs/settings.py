@@ -64,6 +64,7 @@ class PlanningSection(_Section):
     min_separation_m: Positive = 10.0
     host_position_sigma_m: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
     host_attitude_sigma_deg: Annotated[float, Field(ge=0, le=45)] = 0.0
+    max_views: Annotated[int, Field(ge=2)] = 2
     settle_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 3.0
     keep_margin: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.2
     time_limit_s: Positive = 1.0

@@ -54,6 +54,8 @@ class PlanningRules:
     host_position_sigma_m: float = 0.0
     host_attitude_sigma_deg: float = 0.0
     """How well hosts know where they are and where their cameras point, each axis; counts in expected errors."""
+    max_views: int = 2
+    """Of a threat, fused into its expected error."""
     rig: CameraRig = field(default_factory=CameraRig)
 
 
@@ -178,6 +180,7 @@ def _problem(situation: Situation, rules: PlanningRules, lead_s: float) -> Probl
         lead_s=lead_s,
         position_sigma_m=rules.host_position_sigma_m,
         attitude_sigma_rad=math.radians(rules.host_attitude_sigma_deg),
+        max_views=rules.max_views,
     )
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.geometry.frames import aim_at, aim_between
+from hsop_gcs.placement.fusion import with_more_views
 from hsop_gcs.placement.objective import FloatArray, evaluate, threat_points_m
 from hsop_gcs.placement.problem import Formulation, Point, Problem
 from hsop_gcs.placement.solution import HoverPose, Placement, Status
@@ -28,12 +29,18 @@ def held_over(placement: Placement, problem: Problem) -> Placement | None:
     if worth.margins.smallest < -_TOLERANCE:
         return None
     pairs = tuple(
-        replace(pair, cost=worth.pair_costs[pair.threat], expected_error_m=worth.expected_errors_m[pair.threat])
+        replace(
+            pair,
+            cost=worth.pair_costs[pair.threat],
+            expected_error_m=worth.expected_errors_m[pair.threat],
+            more_views=(),
+        )
         for pair in placement.pairs
     )
-    return replace(
+    held = replace(
         placement, status=Status.FEASIBLE, hosts=hosts, pairs=pairs, cost=worth.cost, lower_bound=0.0, solve_time_s=0.0
     )
+    return with_more_views(problem, held)
 
 
 def _turned(pose: HoverPose, placement: Placement, points: dict[str, tuple[Point, Point]]) -> HoverPose:

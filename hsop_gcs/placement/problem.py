@@ -68,3 +68,5 @@ class Problem:
     """Standard deviation of a host's own position, each axis; counts in the expected error."""
     attitude_sigma_rad: float = 0.0
     """Standard deviation of a camera's attitude, about each axis across its rays; counts in the expected error."""
+    max_views: int = 2
+    """A threat's fix is fused from up to so many views; the cost is that of its pair."""

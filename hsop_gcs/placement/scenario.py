@@ -14,7 +14,7 @@ from hsop_gcs.cameras.rig import CameraRig
 from hsop_gcs.errors import BadInput
 from hsop_gcs.placement.airspace import Airspace, KeepOut, Polygon, require_area
 from hsop_gcs.placement.problem import AvailableHost, Formulation, Objective, Point, Problem, Threat
-from hsop_gcs.placement.solution import HoverPose, Placement
+from hsop_gcs.placement.solution import HoverPose, Placement, View
 
 FARTHEST_M = 1e6
 """Positions beyond this are no local coordinates."""
@@ -57,7 +57,7 @@ def problem_from_json(
         "parameters",
         {
             *("horizon_s", "safety_distance_m", "min_separation_m", "floor_m", "ceiling_m"),
-            *("host_position_sigma_m", "host_attitude_sigma_deg", "peripheral", "central"),
+            *("host_position_sigma_m", "host_attitude_sigma_deg", "max_views", "peripheral", "central"),
         },
     )
     defaults = Problem(threats=threats)
@@ -83,6 +83,7 @@ def problem_from_json(
         attitude_sigma_rad=math.radians(
             _number(given.get("host_attitude_sigma_deg", 0.0), "parameters.host_attitude_sigma_deg", least=0.0, most=45)
         ),
+        max_views=_views(given.get("max_views", 2), "parameters.max_views"),
         formulation=formulation,
         objective=objective,
     )
@@ -107,7 +108,8 @@ def plan_to_json(placement: Placement) -> dict[str, Any]:
                 "threat": pair.threat,
                 "cost": _finite(pair.cost),
                 "expected_error_m": _finite(pair.expected_error_m),
-                "views": [{"host": view.host, "camera": view.camera.value} for view in pair.views],
+                "views": [_view_to_json(view) for view in pair.views],
+                **({"more_views": [_view_to_json(view) for view in pair.more_views]} if pair.more_views else {}),
             }
             for pair in placement.pairs
         ],
@@ -122,6 +124,10 @@ def _host_to_json(pose: HoverPose) -> dict[str, Any]:
         "pan_deg": pose.pan_deg,
         "tilt_deg": pose.tilt_deg,
     }
+
+
+def _view_to_json(view: View) -> dict[str, str]:
+    return {"host": view.host, "camera": view.camera.value}
 
 
 def _finite(value: float | None) -> float | None:
@@ -157,6 +163,13 @@ def _airspace(fields: Mapping[str, Any], given: Mapping[str, Any]) -> Airspace:
         floor_m=floor_m,
         ceiling_m=ceiling_m,
     )
+
+
+def _views(value: Any, field: str) -> int:
+    number = _number(value, field, least=2, most=100)
+    if number % 1:
+        raise BadInput(field, f"must be a whole number, not {_shown(value)}")
+    return int(number)
 
 
 def _keep_out(item: Any, field: str) -> KeepOut:

@@ -60,6 +60,9 @@ class ThreatPair:
     cost: float
     """Its share of Eq. 8, both points."""
     expected_error_m: float | None = None
+    """Of the fix from all views."""
+    more_views: tuple[View, ...] = ()
+    """Further views that see it as the hosts stand."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,14 +86,16 @@ class Placement:
 
 
 def worst_error_m(placement: Placement) -> float:
-    """Return the largest expected error of any threat, metres; infinite if one has none."""
-    return max((math.inf if p.expected_error_m is None else p.expected_error_m for p in placement.pairs), default=0.0)
+    """Return the largest expected error of any threat, metres; infinite without one."""
+    return max(
+        (math.inf if p.expected_error_m is None else p.expected_error_m for p in placement.pairs), default=math.inf
+    )
 
 
 def mean_error_m(placement: Placement) -> float:
-    """Return the mean of the threats' expected errors, metres; infinite if one has none."""
+    """Return the mean of the threats' expected errors, metres; infinite without one."""
     errors_m = [math.inf if pair.expected_error_m is None else pair.expected_error_m for pair in placement.pairs]
-    return sum(errors_m) / len(errors_m) if errors_m else 0.0
+    return sum(errors_m) / len(errors_m) if errors_m else math.inf
 
 
 def renamed(placement: Placement, names: Mapping[str, str]) -> Placement:
@@ -98,6 +103,7 @@ def renamed(placement: Placement, names: Mapping[str, str]) -> Placement:
     pairs = []
     for pair in placement.pairs:
         first, second = (replace(view, host=names[view.host]) for view in pair.views)
-        pairs.append(replace(pair, views=(first, second)))
+        more = tuple(replace(view, host=names[view.host]) for view in pair.more_views)
+        pairs.append(replace(pair, views=(first, second), more_views=more))
     hosts = tuple(replace(pose, host=names[pose.host]) for pose in placement.hosts)
     return replace(placement, hosts=hosts, pairs=tuple(pairs))

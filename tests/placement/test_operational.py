@@ -277,6 +277,27 @@ def test_hosts_that_know_their_pose_less_well_expect_larger_errors_and_are_place
     assert cautious.lower_bound <= (cautious.cost or 0.0)
 
 
+def test_more_views_make_better_fixes_of_the_same_placement_and_all_of_them_see() -> None:
+    pairs_only = Problem(threats=flying(3, 2), airspace=Airspace(floor_m=5.0, ceiling_m=100.0))
+    everything = replace(pairs_only, max_views=8)
+    two, many = solve(pairs_only, 4), solve(everything, 4)
+    assert [pose.position_m for pose in two.hosts] == [pose.position_m for pose in many.hosts]
+    assert two.cost == many.cost
+    assert any(pair.more_views for pair in many.pairs)
+    for pair, fused in zip(two.pairs, many.pairs, strict=True):
+        assert (fused.expected_error_m or math.inf) <= (pair.expected_error_m or 0.0)
+        assert bool(fused.more_views) == ((fused.expected_error_m or 0.0) < (pair.expected_error_m or 0.0))
+        for view in fused.more_views:
+            assert view not in fused.views
+            seen = {other.threat: other.views for other in many.pairs}
+            # With the further view in the place of one of the pair, every constraint still holds.
+            kept = next(other for other in fused.views if other.host != view.host)
+            seen[fused.threat] = (kept, view)
+            assert evaluate(everything, many.hosts, seen).margins.smallest >= -MICRORADIAN
+    three = solve(replace(pairs_only, max_views=3), 4)
+    assert all(len(pair.more_views) <= 1 for pair in three.pairs)
+
+
 def test_the_nearest_hosts_are_named_for_hover_points_in_space() -> None:
     hosts = tuple(
         AvailableHost(id=n, position_m=(e, 0.0, 40.0)) for n, e in (("far", 900.0), ("w", -40.0), ("e", 40.0))

@@ -8,6 +8,7 @@ from scipy.spatial.distance import cdist
 
 from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.placement.airspace import Airspace
+from hsop_gcs.placement.fusion import with_more_views
 from hsop_gcs.placement.objective import evaluate, hover_altitudes_m, noise_rad, threat_points_m, threat_ways_m
 from hsop_gcs.placement.problem import Formulation, Objective, Problem
 from hsop_gcs.placement.search.anneal import State, new_state, refresh, set_view
@@ -99,7 +100,7 @@ def placement_of(problem: Problem, frame: Frame, q: Question, state: State) -> P
     costs = worth.expected_errors_m if problem.objective is Objective.RMS else worth.pair_costs
     if problem.objective is Objective.RMS:
         costs = {t.id: float(w) * costs[t.id] for t, w in zip(problem.threats, q.weight, strict=True)}
-    return Placement(
+    placement = Placement(
         status=Status.FEASIBLE,
         formulation=problem.formulation,
         objective=problem.objective,
@@ -110,6 +111,7 @@ def placement_of(problem: Problem, frame: Frame, q: Question, state: State) -> P
         ),
         cost=sum(costs.values()),
     )
+    return with_more_views(problem, placement)
 
 
 def _pose(
