@@ -106,15 +106,17 @@ async def run_demo(autopilot: str) -> Outcome:
     """Run the demonstration; progress goes to stderr. Leaves no process behind, however it ends, only its journal."""
     started_s = time.monotonic()
     folder = Path(tempfile.mkdtemp(prefix="hsop-gcs-demo-"))
-    truth = truth_from_json({**TRUTH, "epoch": _utc(time.time() + THREATS_AFTER_S)}, ORIGIN)
     truth_file = folder / "truth.json"
-    truth_file.write_text(json.dumps({**TRUTH, "epoch": _utc(truth.epoch_s or 0.0)}))
     async with AsyncExitStack() as stack:
         port = _free_udp_port()
         address = await stack.enter_async_context(running_service(_settings(port, folder / "journal")))
-        await stack.enter_async_context(_simulated_fleet(autopilot, port, truth_file, address))
         client = await stack.enter_async_context(httpx2.AsyncClient(base_url=address, timeout=5.0))
         screen = stack.enter_context(Screen())
+        await _planner_ready(client, screen)
+        epoch = _utc(time.time() + THREATS_AFTER_S)
+        truth = truth_from_json({**TRUTH, "epoch": epoch}, ORIGIN)
+        truth_file.write_text(json.dumps({**TRUTH, "epoch": epoch}))
+        await stack.enter_async_context(_simulated_fleet(autopilot, port, truth_file, address))
         console = _DemoConsole(client, screen, truth)
         problem = ""
         try:
@@ -139,6 +141,12 @@ async def run_demo(autopilot: str) -> Outcome:
     )
     cost = None if console.plan is None else console.plan["placement"]["cost"]
     return Outcome(summary=summary, rows=rows, errors=errors, plan_cost=cost, problem=problem)
+
+
+async def _planner_ready(client: httpx2.AsyncClient, screen: "Screen") -> None:
+    screen.say("loading the planner (the first time on a machine it is compiled, which takes up to a minute)")
+    while not (await client.get("/api/v1/health")).raise_for_status().json()["planning"]["ready"]:
+        await asyncio.sleep(1 / POLLS_PER_S)
 
 
 class Screen:

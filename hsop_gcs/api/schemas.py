@@ -260,6 +260,8 @@ class DetectionCounts(BaseModel):
 
 
 class PlanningHealth(BaseModel):
+    ready: bool
+    """False while the planner's kernels are loaded or, the first time on a machine, compiled."""
     plans_made: int
     last_solve_s: float | None
     fault: str | None

@@ -136,6 +136,7 @@ def health_out(mission: Mission, started_at_s: float) -> HealthOut:
         reports=_reports(mission),
         detections=_detections(mission.state.watch.counts),
         planning=PlanningHealth(
+            ready=mission.planner_ready,
             plans_made=mission.state.plans.made,
             last_solve_s=None if newest is None else newest.decision.placement.solve_time_s,
             fault=mission.solver_fault,

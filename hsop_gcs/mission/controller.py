@@ -177,6 +177,10 @@ class Mission:
         self._take(HostsHeld(time_s=self.clock(), hosts=tuple(host.id for host in hosts)))
         return [host.id for host in hosts]
 
+    @property
+    def planner_ready(self) -> bool:
+        return self._solver.ready
+
     def vehicle(self, host: Host) -> Vehicle:
         """Return the host's end of the link: its telemetry and how its order stands."""
         return self.link.vehicles[host.system_id]

@@ -17,7 +17,7 @@ class Solver:
     """Runs ``decide`` in a process of its own. Use as an async context manager."""
 
     async def __aenter__(self) -> "Solver":
-        self._pool = _new_pool()
+        self._start()
         return self
 
     async def __aexit__(self, *_: object) -> None:
@@ -31,12 +31,23 @@ class Solver:
         """
         loop = asyncio.get_running_loop()
         try:
+            await asyncio.wrap_future(self._warm)
             async with asyncio.timeout(2 * rules.time_limit_s + _PATIENCE_S):
                 return await loop.run_in_executor(self._pool, _decide, situation, rules)
         except (BrokenProcessPool, TimeoutError):
             self._end_pool()
-            self._pool = _new_pool()
+            self._start()
             raise
+
+    @property
+    def ready(self) -> bool:
+        """Whether the worker can solve at once; the first time on a machine it has to compile its kernels before."""
+        return self._warm.done()
+
+    def _start(self) -> None:
+        # spawn: the service's threads and sockets must not be copied into the worker
+        self._pool = ProcessPoolExecutor(max_workers=1, mp_context=get_context("spawn"))
+        self._warm = self._pool.submit(warm_up)
 
     def _end_pool(self) -> None:
         # a solve that still runs is not waited for: its answer has nowhere to go
@@ -45,18 +56,6 @@ class Solver:
         for worker in workers:
             worker.terminate()
             worker.join()
-
-
-def _new_pool() -> ProcessPoolExecutor:
-    # spawn: the service's threads and sockets must not be copied into the worker
-    pool = ProcessPoolExecutor(max_workers=1, mp_context=get_context("spawn"))
-    pool.submit(_warm_up)
-    return pool
-
-
-def _warm_up() -> None:
-    """Load the search's compiled kernels before the first threat is reported, not after it."""
-    warm_up()
 
 
 def _decide(situation: Situation, rules: PlanningRules) -> Decision:
