@@ -77,7 +77,8 @@ def test_where_hosts_may_hover_and_how_well_they_know_their_pose_is_read() -> No
         floor_m=10.0,
         ceiling_m=90.0,
     )
-    assert (problem.position_sigma_m, problem.attitude_sigma_rad) == (0.4, pytest.approx(math.radians(2)))
+    assert problem.position_sigma_m == 0.4
+    assert problem.attitude_sigma_rad == pytest.approx(math.radians(2))
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,8 @@ FEW_BOXES = 80_000
 """Pairs of boxes looked at for a first bound, all threats together; a few hundredths of a second."""
 MANY_BOXES = 300_000
 """And per threat for a proof."""
+CELLS = 400
+"""Along a threat's path, for a bound in space."""
 
 
 def lower_bound(q: Question, executor: Executor, *, thorough: bool) -> float:
@@ -29,30 +31,53 @@ def lower_bound(q: Question, executor: Executor, *, thorough: bool) -> float:
 
     The sum over threats of the least that a pair of hosts of its own can cost: sharing hosts between threats only adds
     constraints. Each term is proven by branch and bound over boxes for the two hosts where all altitudes are equal;
-    otherwise it is that of two views at right angles from as near as is safe.
+    otherwise by their distances alone.
     """
     threats = range(len(q.weight))
     if not q.plane:
-        return sum(nearest_views_bound(q, threat) for threat in threats)
+        return float(sum(own_pair_bound_in_space(q, threat, CELLS) for threat in threats))
     most = MANY_BOXES if thorough else max(4_000, FEW_BOXES // len(threats))
     return float(sum(executor.map(lambda threat: own_pair_bound(q, threat, most), threats)))
 
 
-def nearest_views_bound(q: Question, threat: int) -> float:
-    """Return a cost that no two hosts anywhere in space go below for a threat; infinite if none can see it."""
-    total = 0.0
-    for k in range(2):
-        height = q.points_m[threat, k, 2]
-        nearest = max(q.safety_m, q.floor_m - height, height - q.ceiling_m)
-        factors = [
-            distance_factor(q, camera, threat, nearest) / (1.0 if q.rms else largest_size(q, camera))
-            for camera in range(2)
-            if nearest <= q.range_m[camera, threat] * largest_size(q, camera)
-        ]
-        if not factors:
-            return math.inf
-        total += pair_cost(q, min(factors), min(factors), 1.0)
-    return float(threat_cost(q, threat, total))
+@kernel
+def own_pair_bound_in_space(q: Question, threat: int, cells: int) -> float:
+    """Return a lower bound on a threat's cost with any two hosts in space; infinite if none can see it.
+
+    A host counts only by where it is along the path and how far from it, and all angles as right ones: the least over
+    pairs of cells along the path, each at the least distances from both points that safety and altitudes leave.
+    """
+    length = 0.0
+    for n in range(3):
+        length += (q.points_m[threat, 1, n] - q.points_m[threat, 0, n]) ** 2
+    length = math.sqrt(length)
+    reach = 0.0
+    for camera in range(2):
+        reach = max(reach, q.range_m[camera, threat] * largest_size(q, camera))
+    factors = np.empty((2 * cells, 2))
+    count = 0
+    width = (length + 2 * reach) / cells
+    for camera in range(2):
+        size = largest_size(q, camera)
+        for cell in range(cells):
+            low, high = cell * width - reach, (cell + 1) * width - reach
+            beyond = max(0.0, -low, high - length)
+            across = max(0.0, q.safety_m * q.safety_m - beyond * beyond)
+            for k in range(2):
+                along = max(0.0, low - k * length, k * length - high)
+                height = q.points_m[threat, k, 2]
+                nearest = max(q.safety_m, q.floor_m - height, height - q.ceiling_m, math.sqrt(across + along * along))
+                factors[count, k] = distance_factor(q, camera, threat, nearest) / (1.0 if q.rms else size)
+                if nearest > q.range_m[camera, threat] * size:
+                    factors[count, k] = math.inf
+            if factors[count, 0] < math.inf and factors[count, 1] < math.inf:
+                count += 1
+    best = math.inf
+    for i in range(count):
+        for j in range(i + 1):
+            total = pair_cost(q, factors[i, 0], factors[j, 0], 1.0) + pair_cost(q, factors[i, 1], factors[j, 1], 1.0)
+            best = min(best, total)
+    return math.inf if best == math.inf else threat_cost(q, threat, best)
 
 
 @lean_kernel

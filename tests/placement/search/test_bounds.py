@@ -6,9 +6,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from hsop_gcs.placement.problem import Formulation, Problem, Threat
+from hsop_gcs.placement.airspace import Airspace
+from hsop_gcs.placement.problem import Formulation, Objective, Problem, Threat
 from hsop_gcs.placement.search.anneal import new_state, refresh, set_view, totals
-from hsop_gcs.placement.search.bounds import fewest_hosts, lower_bound, own_pair_bound
+from hsop_gcs.placement.search.bounds import fewest_hosts, lower_bound, own_pair_bound, own_pair_bound_in_space
 from hsop_gcs.placement.search.question import frame_of, question_of
 from hsop_gcs.placement.search.solve import search
 from hsop_gcs.placement.solution import Status
@@ -61,6 +62,37 @@ def test_no_two_hosts_at_random_places_go_below_a_threats_bound(formulation: For
         valid += violation == 0
         assert violation > 0 or cost >= bound
     assert valid > 10
+
+
+@pytest.mark.parametrize("objective", list(Objective))
+@pytest.mark.parametrize("speed_mps", [0.0, 1.5, 4.0])
+def test_no_two_hosts_anywhere_in_space_go_below_a_threats_bound(objective: Objective, speed_mps: float) -> None:
+    velocity = (0.6 * speed_mps, -0.7 * speed_mps, 0.4 * speed_mps)
+    threat = Threat(id="a", position_m=(3.0, 4.0, 30.0), velocity_mps=velocity, size_m=1.2)
+    airspace = Airspace(floor_m=10.0, ceiling_m=90.0)
+    problem = Problem(threats=(threat,), objective=objective, airspace=airspace, position_sigma_m=0.1)
+    q = question_of(problem, frame_of(problem))
+    bound = own_pair_bound_in_space(q, 0, 400)
+    assert bound >= own_pair_bound_in_space(q, 0, 50)
+    rng = np.random.default_rng(1)
+    state, valid, least = new_state(1, 2), 0, math.inf
+    for end in range(2):
+        set_view(state, 0, end, end, 0)
+    for _ in range(20_000):
+        away = rng.normal(size=(2, 3))
+        away /= np.linalg.norm(away, axis=1, keepdims=True)
+        middle = q.points_m[0].mean(axis=0)
+        state.positions[:] = middle + away * rng.uniform(20, 50, (2, 1))
+        state.positions[:, 2] = np.clip(state.positions[:, 2], 10.0, 90.0)
+        state.axes[:] = -away[:, :2] / np.linalg.norm(away[:, :2], axis=1, keepdims=True)
+        state.cameras[0] = rng.integers(0, 2, 2)
+        refresh(q, state)
+        cost, violation = totals(q, state)
+        valid += violation == 0
+        least = min(least, cost if violation == 0 else math.inf)
+        assert violation > 0 or cost >= bound
+    assert valid > 10
+    assert least < 20 * bound
 
 
 def test_two_hosts_per_threat_are_proven_optimal_in_the_letters_problem() -> None:

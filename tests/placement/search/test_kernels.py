@@ -1,16 +1,33 @@
 """The compiled kernels against the numpy reference and against differences."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from hsop_gcs.placement.airspace import Airspace, KeepOut
+from hsop_gcs.placement.holding import middle_direction
 from hsop_gcs.placement.objective import evaluate
-from hsop_gcs.placement.problem import Formulation, Objective, Problem
-from hsop_gcs.placement.search.anneal import State, anneal, keep_clear, new_state, refresh, scatter, totals
+from hsop_gcs.placement.problem import Formulation, Objective, Problem, Threat
+from hsop_gcs.placement.search.anneal import State, anneal, keep_clear, new_state, refresh, scatter, set_view, totals
 from hsop_gcs.placement.search.chance import seeded, uniform
-from hsop_gcs.placement.search.model import Floats, Question
-from hsop_gcs.placement.search.polish import element, list_elements, polish, poses_of
+from hsop_gcs.placement.search.model import CENTRAL, PERIPHERAL, Floats, Ints, Question, central_cone
+from hsop_gcs.placement.search.polish import (
+    CEILING,
+    CONE,
+    COST,
+    FENCE,
+    FLOOR,
+    KEEP_OUT,
+    PAN,
+    PATH,
+    PIXELS,
+    element,
+    list_elements,
+    polish,
+    poses_of,
+)
 from hsop_gcs.placement.search.question import frame_of, placement_of, question_of
 from tests.placement.examples import random_threats
 
@@ -80,6 +97,11 @@ def test_gradients_are_the_slopes_of_costs_and_margins(formulation: Formulation,
     rows = list_elements(q, state, np.ones(4, dtype=np.int64))
     poses = poses_of(state)
     poses[:, 2] = [1.0, 2.0, -3.0, 0.5]
+    assert_gradients(q, rows, poses)
+
+
+def assert_gradients(q: Question, rows: Ints, poses: Floats) -> None:
+    """Hold the gradients of elements against differences of their values."""
     gradient, unused, work = np.empty(8), np.empty(8), np.empty((6, 5))
     step = 1e-5
     for row in rows:
@@ -94,6 +116,52 @@ def test_gradients_are_the_slopes_of_costs_and_margins(formulation: Formulation,
             behind[host, k % 4] -= step
             slope = (element(q, row, ahead, unused, work) - element(q, row, behind, unused, work)) / (2 * step)
             assert gradient[k] == pytest.approx(slope, rel=1e-5, abs=1e-8), (row, k)
+
+
+@pytest.mark.parametrize("objective", list(Objective))
+def test_gradients_in_space_among_areas_are_the_slopes_too(objective: Objective) -> None:
+    threats = tuple(
+        replace(t, position_m=(*t.position_m[:2], 30.0 + 6.0 * k), velocity_mps=(*t.velocity_mps[:2], 0.7))
+        for k, t in enumerate(random_threats(3, np.random.default_rng(4)))
+    )
+    airspace = Airspace(
+        inside=(((-60.0, -70.0), (130.0, -60.0), (120.0, 140.0), (-70.0, 120.0)),),
+        keep_outs=(KeepOut(polygon=((0.0, 0.0), (9.0, 2.0), (3.0, 11.0)), floor_m=10.0, ceiling_m=40.0),),
+        floor_m=5.0,
+        ceiling_m=90.0,
+    )
+    problem = Problem(threats=threats, objective=objective, airspace=airspace, position_sigma_m=0.3, lead_s=3.0)
+    q, state = annealed(problem, 4, seed=0)
+    rows = list_elements(q, state, np.ones(4, dtype=np.int64))
+    kinds = {int(row[0]) for row in rows}
+    assert {COST, PIXELS, PATH, CONE, FLOOR, CEILING, FENCE, KEEP_OUT} <= kinds
+    assert PAN not in kinds
+    assert_gradients(q, rows, poses_of(state))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_cone_around_what_a_central_camera_sees_is_the_narrowest(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    threats = tuple(
+        Threat(id=str(k), position_m=(float(x), 60.0 + float(y), 40.0 + float(z)), velocity_mps=(1.0, 0.5, -0.5))
+        for k, (x, y, z) in enumerate(rng.uniform(-15, 15, (3, 3)))
+    )
+    problem = Problem(threats=threats, airspace=Airspace(floor_m=5.0, ceiling_m=90.0))
+    frame = frame_of(problem)
+    q, state = question_of(problem, frame), new_state(3, 2)
+    state.positions[:] = frame.inward(np.array([[0.0, 0.0, 30.0], [0.0, 130.0, 30.0]]))
+    for threat in range(3):
+        set_view(state, threat, 0, 0, CENTRAL)
+        set_view(state, threat, 1, 1, PERIPHERAL)
+    x, y, z, across = central_cone(q, state.positions, 0, state.incident[0], 3, state.cameras)
+    rays = q.points_m.reshape(-1, 3) - state.positions[0]
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    assert across == pytest.approx(2 * float(np.arccos(rays @ (x, y, z)).max()), abs=1e-9)
+    trials = rays.mean(axis=0) + 0.2 * rng.normal(size=(20_000, 3))
+    trials /= np.linalg.norm(trials, axis=1, keepdims=True)
+    narrowest = 2 * float(np.arccos((trials @ rays.T).min(axis=1)).min())
+    assert across <= narrowest + math.radians(1.0)
+    assert np.allclose(middle_direction(rays), (x, y, z), atol=0.02)
 
 
 @pytest.mark.parametrize("formulation", list(Formulation))
