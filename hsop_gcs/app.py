@@ -12,6 +12,7 @@ from pathlib import Path
 import uvicorn
 
 from hsop_gcs.api import create_api
+from hsop_gcs.api.placements import WhatIf
 from hsop_gcs.errors import Unavailable
 from hsop_gcs.journal import Journal
 from hsop_gcs.link.pump import Link
@@ -68,8 +69,8 @@ class _Server(uvicorn.Server):
 async def running_service(settings: Settings) -> AsyncIterator[str]:
     """Run mission and API; yields the API's base address. Raises Unavailable if its port cannot be had."""
     with _listen(settings.service.host, settings.service.port) as listening:
-        async with running_mission(settings) as mission:
-            api = create_api(mission, max_body_bytes=settings.service.max_body_bytes)
+        async with running_mission(settings) as mission, WhatIf() as what_if:
+            api = create_api(mission, what_if, max_body_bytes=settings.service.max_body_bytes)
             server = _Server(uvicorn.Config(api, log_level="warning", lifespan="off", timeout_graceful_shutdown=2))
             serving = asyncio.create_task(server.serve(sockets=[listening]))
             try:

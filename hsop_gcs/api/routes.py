@@ -6,7 +6,7 @@ from fastapi import APIRouter, FastAPI, Query, Request
 from fastapi.responses import JSONResponse
 from starlette.middleware.body_limit import RequestBodyLimitMiddleware
 
-from hsop_gcs.api import detections, intake, views
+from hsop_gcs.api import detections, intake, placements, views
 from hsop_gcs.api.problems import MEDIA_TYPE, PlainErrorsAsProblems, install, problem
 from hsop_gcs.api.schemas import (
     ApprovalIn,
@@ -36,8 +36,8 @@ def _problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     return dict.fromkeys(statuses, _PROBLEM)
 
 
-def create_api(mission: Mission, *, max_body_bytes: int = 1_000_000) -> FastAPI:
-    """Return the application that serves one mission."""
+def create_api(mission: Mission, what_if: placements.WhatIf, *, max_body_bytes: int = 1_000_000) -> FastAPI:
+    """Return the application that serves one mission, and answers what-if questions."""
     app = FastAPI(
         title="hsop_gcs",
         summary="Threat reports in; hover points, headings and camera aims out.",
@@ -45,6 +45,7 @@ def create_api(mission: Mission, *, max_body_bytes: int = 1_000_000) -> FastAPI:
         redirect_slashes=False,
     )
     app.include_router(_routes(mission))
+    app.include_router(placements.routes(what_if))
     install(app)
     app.add_middleware(RequestBodyLimitMiddleware, max_body_size=max_body_bytes)
     app.add_middleware(PlainErrorsAsProblems)

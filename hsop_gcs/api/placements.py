@@ -1,0 +1,172 @@
+"""What-if placements: a scenario in, a plan or a frontier out, nothing flown.
+
+Solved in a worker process of low priority that starts with the first question, so that neither the event loop nor the
+mission's own decisions wait for it. Who asks when it has enough to do is told so.
+"""
+
+import asyncio
+import os
+import time
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from multiprocessing import get_context
+from typing import Annotated, Any
+
+from fastapi import APIRouter
+from pydantic import BaseModel, ConfigDict, Field
+
+from hsop_gcs.api.problems import MEDIA_TYPE
+from hsop_gcs.api.schemas import Number
+from hsop_gcs.errors import BadInput, Unavailable
+from hsop_gcs.placement import place
+from hsop_gcs.placement.frontier import frontier, frontier_to_json
+from hsop_gcs.placement.problem import Formulation, Objective, Problem
+from hsop_gcs.placement.scenario import plan_to_json, problem_from_json
+
+MAX_THREATS = 50
+MAX_AT_ONCE = 3
+"""One that is solved, and two that wait."""
+NICENESS = 10
+_PATIENCE_S = 60.0
+"""On top of the time limit; after that the worker counts as hung."""
+
+
+class PlacementIn(BaseModel):
+    """A scenario, and how to place hosts for it."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    scenario: Annotated[dict[str, Any], Field(description="a scenario file: threats, and optionally hosts, parameters")]
+    n_hosts: Annotated[int | None, Field(ge=2, strict=True, description="by default the fewest that see all")] = None
+    target_error_m: Annotated[
+        Number | None, Field(gt=0, le=1e6, description="instead: the fewest that bring every expected error to this")
+    ] = None
+    frontier: Annotated[bool, Field(strict=True, description="a plan for every number of hosts")] = False
+    formulation: Formulation = Formulation.OPERATIONAL
+    objective: Objective = Objective.LETTER
+    seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 0
+    time_limit_s: Annotated[Number, Field(gt=0, le=10)] = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Question:
+    """What the worker is asked."""
+
+    problem: Problem
+    n_hosts: int | None
+    target_error_m: float | None
+    frontier: bool
+    seed: int
+    time_limit_s: float
+
+
+class WhatIf:
+    """Answers questions one after the other in a process of its own. Use as an async context manager."""
+
+    def __init__(self) -> None:
+        self._pool: ProcessPoolExecutor | None = None
+        self._asked = 0
+
+    async def __aenter__(self) -> "WhatIf":
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        self._end_pool()
+
+    async def answer(self, question: Question) -> dict[str, Any]:
+        """Return a plan file's content, or a frontier file's.
+
+        Raises Unavailable when there are enough questions already, and when the worker died or hung.
+        """
+        if self._asked >= MAX_AT_ONCE:
+            raise Unavailable(f"{self._asked} what-if placements are being made or wait; ask again when they are done")
+        self._pool = self._pool or ProcessPoolExecutor(
+            max_workers=1, mp_context=get_context("spawn"), initializer=os.nice, initargs=(NICENESS,)
+        )
+        self._asked += 1
+        try:
+            async with asyncio.timeout(MAX_AT_ONCE * (question.time_limit_s + _PATIENCE_S)):
+                return await asyncio.get_running_loop().run_in_executor(self._pool, solve, question)
+        except (BrokenProcessPool, TimeoutError) as error:
+            self._end_pool()
+            raise Unavailable(f"the what-if worker did not answer ({type(error).__name__}); ask again") from error
+        finally:
+            self._asked -= 1
+
+    def _end_pool(self) -> None:
+        if self._pool is None:
+            return
+        # a solve that still runs is not waited for: its answer has nowhere to go
+        workers = list((self._pool._processes or {}).values())
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        for worker in workers:
+            worker.terminate()
+            worker.join()
+        self._pool = None
+
+
+def solve(question: Question) -> dict[str, Any]:
+    """Answer a question: the worker's part."""
+    # Imported here so that the service's own process does without the compiled kernels.
+    from hsop_gcs.placement.search import warm_up
+
+    warm_up()
+    if question.frontier:
+        found = frontier(question.problem, seed=question.seed, time_limit_s=question.time_limit_s, now=time.monotonic)
+        if found:
+            return frontier_to_json(found)
+    placement = place(
+        question.problem,
+        n_hosts=question.n_hosts,
+        target_error_m=question.target_error_m,
+        seed=question.seed,
+        time_limit_s=question.time_limit_s,
+        now=time.monotonic,
+    )
+    return plan_to_json(placement)
+
+
+def to_question(given: PlacementIn) -> Question:
+    """Return what is asked. Raises BadInput naming the field of the scenario, or options that do not go together."""
+    try:
+        problem = problem_from_json(given.scenario, formulation=given.formulation, objective=given.objective)
+    except BadInput as error:
+        raise BadInput(f"scenario.{error.field}", error.problem) from None
+    threats = len(problem.threats)
+    if threats > MAX_THREATS:
+        raise BadInput("scenario.threats", f"must be at most {MAX_THREATS}, not {threats}")
+    if given.n_hosts is not None and given.n_hosts > 2 * threats:
+        raise BadInput("n_hosts", f"{given.n_hosts} is outside 2..{2 * threats}: more than two per threat have no use")
+    options = {"n_hosts": given.n_hosts, "target_error_m": given.target_error_m, "frontier": given.frontier or None}
+    chosen = [name for name, value in options.items() if value is not None]
+    if len(chosen) > 1:
+        raise BadInput(chosen[1], f"does not go together with {chosen[0]}: each says how many hosts there are")
+    return Question(
+        problem=problem,
+        n_hosts=given.n_hosts,
+        target_error_m=given.target_error_m,
+        frontier=given.frontier,
+        seed=given.seed,
+        time_limit_s=given.time_limit_s,
+    )
+
+
+def routes(what_if: WhatIf) -> APIRouter:
+    """Return the route that answers what-if questions."""
+    router = APIRouter(prefix="/api/v1")
+    trouble = {
+        "description": "What is wrong, with the field and the value",
+        "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
+    }
+
+    @router.post("/placements", operation_id="postPlacement", responses=dict.fromkeys((400, 413, 422, 503), trouble))
+    async def post_placement(given: PlacementIn) -> dict[str, Any]:
+        """Place hosts for a scenario, without flying anything.
+
+        Answers a plan file, also for an infeasible scenario (its ``status`` and ``reason`` say so), or with
+        ``frontier`` a list of them, one for each number of hosts.
+        """
+        return await what_if.answer(to_question(given))
+
+    return router

@@ -1,0 +1,92 @@
+"""``hsop-gcs bench``: quality and time beside other methods, in one run."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hsop_gcs.errors import BadInput
+
+if TYPE_CHECKING:
+    from hsop_gcs.bench.measure import Report
+
+commands = typer.Typer(name="bench", help="Quality and time beside other methods.", no_args_is_help=True)
+
+
+def register(app: typer.Typer) -> None:
+    @commands.callback()
+    def bench() -> None:
+        """Keep ``placement`` a command of its own while there is no other."""
+
+    app.add_typer(commands)
+
+
+@commands.command()
+def placement(
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer cases and less time for each.")] = False,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write what was measured here.")] = None,
+) -> None:
+    """Compare the global search with the letter's method, differential evolution and IPOPT at equal time."""
+    import json
+    import os
+    import platform
+
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from hsop_gcs.bench.measure import FULL, QUICK, measure, steps
+
+    if json_file is not None and not json_file.parent.is_dir():
+        raise BadInput("--json", f"{json_file}: there is no directory {json_file.parent}")
+    effort = QUICK if quick else FULL
+    machine: dict[str, Any] = {
+        "machine": platform.machine(),
+        "cores": os.cpu_count(),
+        "python": platform.python_version(),
+        "load_before": [round(each, 2) for each in os.getloadavg()],
+    }
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("warming up", total=steps(effort))
+        done = -1
+
+        def step(what: str) -> None:
+            nonlocal done
+            done += 1
+            progress.update(task, description=what, completed=done)
+
+        report = measure(effort, step=step)
+    if json_file is not None:
+        try:
+            json_file.write_text(json.dumps(machine | report.to_json(), indent=2) + "\n", encoding="utf-8")
+        except OSError as error:
+            raise BadInput("--json", f"{json_file} cannot be written: {error.strerror or error}") from None
+    _print(report, Console())
+    typer.echo(
+        f"{machine['machine']}, {machine['cores']} cores, Python {machine['python']},"
+        f" load {machine['load_before'][0]:g} before it began"
+    )
+
+
+def _print(report: "Report", console: object) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from hsop_gcs.bench.measure import rows
+
+    assert isinstance(console, Console)
+    names = [run.contender for run in report.comparisons[0].runs]
+    table = Table(title=f"Cost over the least found, {report.effort.time_limit_s:g} s each")
+    for heading in ("case", "hosts", *names, "letter's cost after s"):
+        table.add_column(heading, justify="left" if heading == "case" else "right", overflow="fold")
+    for comparison, ratios in rows(report):
+        shown = [f"{ratios[name]:.3f}" if ratios[name] < float("inf") else "-" for name in names]
+        seconds = comparison.seconds_to_letters_cost
+        table.add_row(comparison.case, str(comparison.n_hosts), *shown, "-" if seconds is None else f"{seconds:.2f}")
+    console.print(table)
+    growth = Table(title=f"Time to within 5 % of {report.effort.reference_s:g} s of search")
+    for heading in ("threats", "hosts", "seconds", "missed"):
+        growth.add_column(heading, justify="right")
+    for each in report.growth:
+        growth.add_row(str(each.threats), str(each.n_hosts), f"{each.seconds:.2f}", str(each.missed))
+    console.print(growth)
+    console.print(f"seconds grow as threats to the power of {report.exponent:.2f}")
