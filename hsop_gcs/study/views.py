@@ -8,11 +8,9 @@ from hsop_gcs.cameras.rig import CameraKind, CameraRig
 from hsop_gcs.cameras.sight import FloatArray, Sight, central_sight, fisheye_sight
 from hsop_gcs.placement.objective import (
     PIXEL_NOISE_PX,
+    angle_from_central_axis,
     angle_from_nearer_boresight,
-    compass_bearing,
     pixel_width,
-    plane_distance,
-    wrapped,
 )
 from hsop_gcs.placement.solution import HoverPose, Placement
 
@@ -29,12 +27,13 @@ def sight_of(rig: CameraRig, pose: HoverPose, camera: CameraKind, point_m: Float
         return fisheye_sight(rig.peripheral, pose.position_m, heading, towards_m=point_m, noise_px=noise)
     if pose.pan_deg is None:
         raise ValueError(f"the central camera of {pose.host} is not in use")
-    return central_sight(rig.central, pose.position_m, math.radians(pose.pan_deg), noise_px=noise)
+    pan, tilt = math.radians(pose.pan_deg), math.radians(pose.tilt_deg)
+    return central_sight(rig.central, pose.position_m, pan, tilt, noise_px=noise)
 
 
 def detects(rig: CameraRig, size_m: float, pose: HoverPose, camera: CameraKind, point_m: FloatArray) -> bool:
     """Return whether a camera as it is aimed detects an object at a point (Eqs. 9 and 10)."""
-    if plane_distance(pose.position_m, point_m) == 0:
+    if math.dist(pose.position_m, point_m) == 0:
         return False
     width = pixel_width(rig, size_m, pose, camera, point_m)
     if camera is CameraKind.PERIPHERAL:
@@ -43,8 +42,7 @@ def detects(rig: CameraRig, size_m: float, pose: HoverPose, camera: CameraKind, 
         )
     if pose.pan_deg is None or width < rig.central.min_pixels - BORDER_PX:
         return False
-    off = wrapped(compass_bearing(pose.position_m, point_m) - math.radians(pose.pan_deg))
-    return abs(off) <= rig.central.half_fov_rad + BORDER_RAD
+    return angle_from_central_axis(pose, point_m) <= rig.central.half_fov_rad + BORDER_RAD
 
 
 def assigned_sights(rig: CameraRig, placement: Placement, threat: int, point_m: FloatArray) -> tuple[Sight, Sight]:
