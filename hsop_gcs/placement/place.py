@@ -23,7 +23,7 @@ from hsop_gcs.placement.reasons import why_infeasible, why_not_flown
 from hsop_gcs.placement.solution import HoverPose, Method, Placement, Status, ThreatPair, View
 
 PROVEN_GAP = 1e-3
-REASONING_S = 1.0
+REASONING_S = 3.0
 """What it may take to say why the search found nothing."""
 REASONING_ROUNDS = 3
 """How many rounds of the search it takes to believe that there is nothing to find."""

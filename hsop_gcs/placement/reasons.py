@@ -61,7 +61,7 @@ def why_not_flown(
             return beyond
         alone = replace(problem, threats=(threat,), hosts=(), max_hosts=None)
         if not search.late() and not possible(alone, 2):
-            return f"threat {threat.id} cannot be seen by any two hosts: {_in_the_way(alone, 2, possible)}"
+            return f"threat {threat.id} cannot be seen by any two hosts: {_in_the_way(alone, 2, possible, search.late)}"
     if n_hosts is not None and n_hosts > available:
         return f"{n_hosts} hosts were asked for, {_hosts(available)} available"
     most = 2 * len(problem.threats)
@@ -75,10 +75,13 @@ def why_not_flown(
             return f"{_hosts(available)} available; at least {count} are needed to see every threat"
     asked = min(most, available) if n_hosts is None else n_hosts
     more = f", nor can up to {most}" if asked < most else ""
-    return f"{_counted(asked)} cannot see every threat{more}: {_in_the_way(unlimited, max(2, asked), possible)}"
+    obstacle = _in_the_way(unlimited, max(2, asked), possible, search.late)
+    return f"{_counted(asked)} cannot see every threat{more}: {obstacle}"
 
 
-def _in_the_way(problem: Problem, n_hosts: int, possible: Callable[[Problem, int], bool]) -> str:
+def _in_the_way(
+    problem: Problem, n_hosts: int, possible: Callable[[Problem, int], bool], late: Callable[[], bool]
+) -> str:
     """Name the rule that stands in the way: the first without which a placement is found."""
     airspace = problem.airspace
     free = replace(airspace, inside=())
@@ -107,6 +110,8 @@ def _in_the_way(problem: Problem, n_hosts: int, possible: Callable[[Problem, int
     near = replace(problem, safety_distance_m=min(1.0, problem.safety_distance_m))
     rules.append((f"the safety distance of {problem.safety_distance_m:g} m from every threat's path", near))
     for name, without in rules:
+        if late():
+            return "there was no time to find out which rule is in the way"
         if possible(without, n_hosts):
             verb = "are" if " and " in name or name.endswith(("areas", " s")) else "is"
             return f"{name} {verb} in the way"

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
+from hsop_gcs.placement.airspace import Airspace
 from hsop_gcs.placement.problem import Formulation, Problem, Threat
 from hsop_gcs.placement.search.anneal import State
 from hsop_gcs.placement.search.bounds import fewest_hosts, lower_bound
@@ -159,8 +160,9 @@ def warm_up() -> None:
     threats = tuple(
         Threat(id=f"t{k}", position_m=(30.0 * k, 5.0 * k, 0.0), velocity_mps=(1.0, 0.5 * k, 0.0)) for k in range(3)
     )
+    # The letter's problem is plane, the other one has room above and below: they are bounded by different kernels.
     for formulation in Formulation:
-        problem = Problem(threats=threats, formulation=formulation)
+        problem = Problem(threats=threats, formulation=formulation, airspace=Airspace(floor_m=-10.0, ceiling_m=10.0))
         search(problem, n_hosts=4, seed=0, deadline=0.0, now=lambda: 0.0, iterations=1)
 
 

@@ -118,8 +118,8 @@ def assert_gradients(q: Question, rows: Ints, poses: Floats) -> None:
             assert gradient[k] == pytest.approx(slope, rel=1e-5, abs=1e-8), (row, k)
 
 
-@pytest.mark.parametrize("objective", list(Objective))
-def test_gradients_in_space_among_areas_are_the_slopes_too(objective: Objective) -> None:
+def problem_in_space(objective: Objective) -> Problem:
+    """Climbing threats at several altitudes, a fence, a keep-out area and hosts that know their pose only roughly."""
     threats = tuple(
         replace(t, position_m=(*t.position_m[:2], 30.0 + 6.0 * k), velocity_mps=(*t.velocity_mps[:2], 0.7))
         for k, t in enumerate(random_threats(3, np.random.default_rng(4)))
@@ -130,7 +130,32 @@ def test_gradients_in_space_among_areas_are_the_slopes_too(objective: Objective)
         floor_m=5.0,
         ceiling_m=90.0,
     )
-    problem = Problem(threats=threats, objective=objective, airspace=airspace, position_sigma_m=0.3, lead_s=3.0)
+    return Problem(
+        threats=threats,
+        objective=objective,
+        airspace=airspace,
+        position_sigma_m=0.3,
+        attitude_sigma_rad=0.01,
+        lead_s=3.0,
+    )
+
+
+@pytest.mark.parametrize("objective", list(Objective))
+def test_a_states_cost_in_space_is_that_of_the_reference(objective: Objective) -> None:
+    problem = problem_in_space(objective)
+    q, state = annealed(problem, 4, seed=1, moves=60_000)
+    cost, violation = totals(q, state)
+    assert violation == 0
+    placement = placement_of(problem, frame_of(problem), q, state)
+    worth = evaluate(problem, placement.hosts, {pair.threat: pair.views for pair in placement.pairs})
+    expected = worth.cost if objective is Objective.LETTER else sum(worth.expected_errors_m.values())
+    assert cost == pytest.approx(expected, rel=1e-6)
+    assert worth.margins.feasible
+
+
+@pytest.mark.parametrize("objective", list(Objective))
+def test_gradients_in_space_among_areas_are_the_slopes_too(objective: Objective) -> None:
+    problem = problem_in_space(objective)
     q, state = annealed(problem, 4, seed=0)
     rows = list_elements(q, state, np.ones(4, dtype=np.int64))
     kinds = {int(row[0]) for row in rows}
