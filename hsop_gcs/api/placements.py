@@ -5,12 +5,10 @@ mission's own decisions wait for it. Who asks when it has enough to do is told s
 """
 
 import asyncio
-import os
 import time
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from multiprocessing import get_context
 from typing import Annotated, Any
 
 from fastapi import APIRouter
@@ -19,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from hsop_gcs.api.problems import MEDIA_TYPE
 from hsop_gcs.api.schemas import Number
 from hsop_gcs.errors import BadInput, Unavailable
+from hsop_gcs.mission.solver import end, worker
 from hsop_gcs.placement import place
 from hsop_gcs.placement.frontier import frontier, frontier_to_json
 from hsop_gcs.placement.problem import Formulation, Objective, Problem
@@ -81,9 +80,7 @@ class WhatIf:
         """
         if self._asked >= MAX_AT_ONCE:
             raise Unavailable(f"{self._asked} what-if placements are being made or wait; ask again when they are done")
-        self._pool = self._pool or ProcessPoolExecutor(
-            max_workers=1, mp_context=get_context("spawn"), initializer=os.nice, initargs=(NICENESS,)
-        )
+        self._pool = self._pool or worker(niceness=NICENESS)
         self._asked += 1
         try:
             async with asyncio.timeout(MAX_AT_ONCE * (question.time_limit_s + _PATIENCE_S)):
@@ -97,12 +94,7 @@ class WhatIf:
     def _end_pool(self) -> None:
         if self._pool is None:
             return
-        # a solve that still runs is not waited for: its answer has nowhere to go
-        workers = list((self._pool._processes or {}).values())
-        self._pool.shutdown(wait=False, cancel_futures=True)
-        for worker in workers:
-            worker.terminate()
-            worker.join()
+        end(self._pool)
         self._pool = None
 
 

@@ -1,10 +1,12 @@
 """Decisions made outside the event loop: one worker process that solves while reports and telemetry go on."""
 
 import asyncio
+import os
+import threading
 import time
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 
 from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation, decide
 from hsop_gcs.placement.search import warm_up
@@ -21,7 +23,7 @@ class Solver:
         return self
 
     async def __aexit__(self, *_: object) -> None:
-        self._end_pool()
+        end(self._pool)
 
     async def decide(self, situation: Situation, rules: PlanningRules) -> Decision:
         """Return the decision for a situation.
@@ -35,7 +37,7 @@ class Solver:
             async with asyncio.timeout(2 * rules.time_limit_s + _PATIENCE_S):
                 return await loop.run_in_executor(self._pool, _decide, situation, rules)
         except (BrokenProcessPool, TimeoutError):
-            self._end_pool()
+            end(self._pool)
             self._start()
             raise
 
@@ -45,17 +47,37 @@ class Solver:
         return self._warm.done()
 
     def _start(self) -> None:
-        # spawn: the service's threads and sockets must not be copied into the worker
-        self._pool = ProcessPoolExecutor(max_workers=1, mp_context=get_context("spawn"))
+        self._pool = worker()
         self._warm = self._pool.submit(warm_up)
 
-    def _end_pool(self) -> None:
-        # a solve that still runs is not waited for: its answer has nowhere to go
-        workers = list((self._pool._processes or {}).values())
-        self._pool.shutdown(wait=False, cancel_futures=True)
-        for worker in workers:
-            worker.terminate()
-            worker.join()
+
+def worker(*, niceness: int = 0) -> ProcessPoolExecutor:
+    """Return a pool of one process that ends with this one, however this one ends."""
+    # spawn: the service's threads and sockets must not be copied into the worker
+    return ProcessPoolExecutor(
+        max_workers=1, mp_context=get_context("spawn"), initializer=_prepare, initargs=(niceness,)
+    )
+
+
+def end(pool: ProcessPoolExecutor) -> None:
+    """End a pool's process. What it still works on is not waited for: the answer has nowhere to go."""
+    processes = list((pool._processes or {}).values())
+    pool.shutdown(wait=False, cancel_futures=True)
+    for process in processes:
+        process.terminate()
+        process.join()
+
+
+def _prepare(niceness: int) -> None:
+    os.nice(niceness)
+    parent = parent_process()
+    assert parent is not None
+
+    def wait() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
 
 
 def _decide(situation: Situation, rules: PlanningRules) -> Decision:
