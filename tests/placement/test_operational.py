@@ -77,7 +77,8 @@ def assert_flyable(problem: Problem, placement: Placement) -> None:
     for pose in placement.hosts:
         east, north, up = pose.position_m
         for threat in problem.threats:
-            steps = np.arange(-problem.lead_s, problem.horizon_s + STEP_S, STEP_S)
+            count = math.ceil((problem.lead_s + problem.horizon_s) / STEP_S) + 1
+            steps = np.linspace(-problem.lead_s, problem.horizon_s, count)
             nearest = min(math.dist(pose.position_m, threat.predicted_m(float(t))) for t in steps)
             assert nearest >= problem.safety_distance_m - 0.5 * STEP_S * math.hypot(*threat.velocity_mps)
             for ends in (-problem.lead_s, 0.0, problem.horizon_s):
