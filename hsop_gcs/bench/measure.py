@@ -33,7 +33,7 @@ class Effort:
 
 
 QUICK = Effort(time_limit_s=0.5, reference_s=2.0, random_cases=1, quick=True)
-FULL = Effort(time_limit_s=1.0, reference_s=10.0, random_cases=3, quick=False)
+FULL = Effort(time_limit_s=1.0, reference_s=6.0, random_cases=2, quick=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
