@@ -38,7 +38,7 @@ def test_the_default_is_operational_and_json_goes_to_stdout_and_into_the_file(tm
     assert ran.returncode == 0, ran.stderr
     printed = json.loads(ran.stdout)
     assert printed == json.loads(written.read_text())
-    assert (printed["formulation"], printed["n_hosts"], printed["method"]) == ("operational", 3, "letter")
+    assert (printed["formulation"], printed["n_hosts"], printed["method"]) == ("operational", 3, "search")
     verdict = check(read("2-threats-102"), printed, segment=True)
     assert verdict["ok"], verdict["problems"]
 
