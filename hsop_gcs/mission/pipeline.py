@@ -176,12 +176,23 @@ def _problem(situation: Situation, rules: PlanningRules, lead_s: float) -> Probl
         formulation=rules.formulation,
         objective=rules.objective,
         min_separation_m=rules.min_separation_m,
-        airspace=replace(rules.airspace, floor_m=rules.limits.floor_m, ceiling_m=rules.limits.ceiling_m),
+        airspace=_airspace(situation, rules, lead_s),
         lead_s=lead_s,
         position_sigma_m=rules.host_position_sigma_m,
         attitude_sigma_rad=math.radians(rules.host_attitude_sigma_deg),
         max_views=rules.max_views,
     )
+
+
+def _airspace(situation: Situation, rules: PlanningRules, lead_s: float) -> Airspace:
+    """Within the flight limits hosts keep to the altitudes of the threats.
+
+    Looked at from level with it, a coarse track's error in altitude hardly moves a threat out of the field of view.
+    """
+    floor_m, ceiling_m = rules.limits.floor_m, rules.limits.ceiling_m
+    ups_m = [t.predicted_m(after_s)[2] for t in situation.threats for after_s in (lead_s, lead_s + rules.horizon_s)]
+    low_m, high_m = (min(max(up_m, floor_m), ceiling_m) for up_m in (min(ups_m), max(ups_m)))
+    return replace(rules.airspace, floor_m=low_m, ceiling_m=high_m)
 
 
 def _kept(situation: Situation, rules: PlanningRules, new: Decision) -> Decision | None:
