@@ -30,7 +30,7 @@ def group_of(leader: int) -> list[int]:
 
 @pytest.fixture(scope="module")
 def compiled(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """The planner's kernels of the package that the demonstration runs; the first time on a machine they take a while."""
+    """The kernels of the package that the demonstration runs; the first time on a machine they take a while."""
     code = "from hsop_gcs.placement.search import warm_up; warm_up()"
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path_factory.mktemp("away"), check=True)
 
