@@ -39,4 +39,4 @@ def placements(
         formulation=Formulation.OPERATIONAL if kind is Kind.OPERATIONAL else Formulation.LETTER,
         objective=Objective.LETTER if kind is Kind.HSOP else Objective.RMS,
     )
-    return frontier(asked, seed=seed, deadline=0.0, now=lambda: 0.0, iterations=rounds)
+    return frontier(asked, seed=seed, deadline=0.0, now=lambda: 0.0, iterations=rounds, thorough_bound=False)

@@ -115,13 +115,15 @@ def frontier(
     iterations: int | None = None,
     numbers: range | None = None,
     progress: Callable[[int], None] = lambda _rounds: None,
+    thorough_bound: bool = True,
 ) -> dict[int, Placement]:
     """Find a placement for every number of hosts, from the smallest possible to two per threat.
 
     The numbers take turns, and the best placement for each seeds the next one up with one view given to a host of its
     own: at the same place, so that the cost never rises with the number of hosts, or beside it and improved where
     hosts must keep apart. Numbers without a placement are left out. iterations: so many rounds for each number instead
-    of a deadline; each is always given one. progress: told the rounds done after each.
+    of a deadline; each is always given one. progress: told the rounds done after each. thorough_bound: False spares the
+    time of a tight lower bound.
     """
     started = now()
     if iterations is not None:
@@ -146,7 +148,7 @@ def frontier(
             turn += 1
             if iterations is None and now() + slowest > deadline:
                 break
-        bound = lower_bound(q, executor, thorough=iterations is not None or now() < deadline)
+        bound = lower_bound(q, executor, thorough=thorough_bound and (iterations is not None or now() < deadline))
     found = {count: courses.course(count).pool.best for count in sorted(courses.by_number)}
     return {
         count: _answer(problem, frame, q, best, bound, seed, now() - started, count, most)
