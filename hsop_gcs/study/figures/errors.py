@@ -26,7 +26,7 @@ def error_by_hosts(path: Path | None = None) -> "tuple[Figure, list[str]]":
     """Draw Fig. 11 from a study's JSON file, or from the study that comes with the package. Raises BadInput."""
     rows = _rows(path)
     counts = sorted({row["threats"] for row in rows})
-    figure = new_figure(4.0 * len(counts), 3.8)
+    figure = new_figure(4.0 * len(counts), 4.2)
     lines = []
     for axes, threats in zip(figure.subplots(1, len(counts), sharey=True, squeeze=False)[0], counts, strict=True):
         for placement, estimator, label, style, colour in WAYS:
@@ -46,7 +46,7 @@ def error_by_hosts(path: Path | None = None) -> "tuple[Figure, list[str]]":
         axes.set_xticks(range(2, 2 * threats + 1))
         axes.grid(alpha=0.3, which="both")
     figure.axes[0].set_ylabel("mean localization error, m")
-    figure.axes[-1].legend(fontsize=7)
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure, lines
 
 
