@@ -41,6 +41,8 @@ REPORT_SIGMA_M = 15.0
 THREATS_AFTER_S = 18.0
 """From the start to the first report: the fleet takes off meanwhile."""
 SETTLE_S = 4.0
+HORIZON_S = 14.0
+"""A little longer than the letter's 10 s: these threats are slow, and a plan should outlast the flight to it."""
 LIMIT_S = 80.0
 SEED = 0
 
@@ -350,7 +352,7 @@ def _settings(port: int, journal: Path) -> Settings:
         {
             "site": {"origin": origin},
             "service": {"port": 0, "journal": str(journal)},
-            "planning": {"hosts": "all"},
+            "planning": {"hosts": "all", "horizon_s": HORIZON_S},
             "hosts": hosts,
         }
     )
