@@ -2,10 +2,10 @@
 
 Its surprises, all on purpose: a fresh link carries only HEARTBEAT and TIMESYNC; arming FAILS with a status text until
 the estimator has a position; a requested message follows its acknowledgement; DO_REPOSITION ignores yaw and speed,
-honours the frame, and does not exist as COMMAND_LONG; an invalid position target stops the vehicle; anybody may steer
-the gimbal, whose attitude is always against the nose; angles beyond its range are ACCEPTED and clamped.
+honours the frame, and does not exist as COMMAND_LONG; an invalid position target stops the vehicle. Its gimbal manager
+has a module of its own.
 
-Sources: a recording of 4.7.0-dev; ArduCopter GCS_MAVLink_Copter.cpp and mode_guided.cpp, AP_Mount_Backend.cpp.
+Sources: a recording of 4.7.0-dev; ArduCopter GCS_MAVLink_Copter.cpp and mode_guided.cpp.
 """
 
 import math
@@ -16,7 +16,6 @@ import numpy as np
 
 from hsop_gcs.geometry.frames import wrap_rad
 from hsop_gcs.link.enums import (
-    GimbalFlags,
     MavAutopilot,
     MavCmd,
     MavFrame,
@@ -27,36 +26,22 @@ from hsop_gcs.link.enums import (
     PositionTargetTypemask,
 )
 from hsop_gcs.link.messages import (
-    Attitude,
     AutopilotVersion,
-    BatteryStatus,
-    EkfStatusReport,
-    ExtendedSysState,
-    GimbalDeviceAttitudeStatus,
-    GimbalManagerInformation,
     GimbalManagerSetAttitude,
     GimbalManagerSetPitchyaw,
-    GimbalManagerStatus,
-    GlobalPositionInt,
     GpsGlobalOrigin,
-    GpsRawInt,
-    Heartbeat,
     HomePosition,
-    LocalPositionNed,
     Message,
-    MissionCurrent,
     PositionTargetGlobalInt,
     RequestDataStream,
     SetMode,
     SetPositionTargetGlobalInt,
-    SysStatus,
-    SystemTime,
-    Timesync,
-    VfrHud,
 )
+from hsop_gcs.simulator.ardupilot_gimbal import ArduPilotGimbalManager, rest_pitch_rad
+from hsop_gcs.simulator.ardupilot_reports import FRESH_LINK_HZ, reports, streams_of
 from hsop_gcs.simulator.body import VehicleConfig
 from hsop_gcs.simulator.flight import FlightGoal, Point
-from hsop_gcs.simulator.gimbal import GimbalLimits, Identity, pitch_yaw, quaternion
+from hsop_gcs.simulator.gimbal import GimbalLimits, Identity
 from hsop_gcs.simulator.orders import Order, whole
 from hsop_gcs.simulator.parameters import INT8, Parameter, Parameters
 from hsop_gcs.simulator.telemetry import e7
@@ -86,15 +71,6 @@ _RELATIVE = {
     MavFrame.GLOBAL_TERRAIN_ALT,
     MavFrame.GLOBAL_TERRAIN_ALT_INT,
 }
-_STREAM_GROUPS = {
-    2: {SysStatus.ID, GpsRawInt.ID, MissionCurrent.ID, PositionTargetGlobalInt.ID},
-    6: {GlobalPositionInt.ID, LocalPositionNed.ID},
-    10: {Attitude.ID},
-    11: {VfrHud.ID},
-    12: {SystemTime.ID, EkfStatusReport.ID, BatteryStatus.ID, GimbalDeviceAttitudeStatus.ID, GimbalManagerStatus.ID},
-}
-"""MAV_DATA_STREAM -> messages; group 0 is all of them."""
-
 _KNOWN_BUT_ABSENT = {259}
 """CAMERA_INFORMATION: a request is accepted, but there is no camera to send it."""
 _X, _V, _A = 0x007, 0x038, 0x1C0
@@ -121,6 +97,7 @@ class ArduCopter(Vehicle):
         self._idle_since: float | None = None
         self._yaw_aligned = config.airborne_m > 0
         self._complain_at = now + _FIRST_COMPLAINT_S
+        self._gimbal_manager = ArduPilotGimbalManager(self, self._target)
         parameters = Parameters(
             {
                 "SYSID_THISMAV": Parameter(config.system, INT8),
@@ -132,17 +109,11 @@ class ArduCopter(Vehicle):
             },
             bytewise=False,
         )
-        super().__init__(config, parameters, {Heartbeat.ID: 1.0, Timesync.ID: 10.0}, rng, now)
+        super().__init__(config, parameters, {message: 1.0 / hz for message, hz in FRESH_LINK_HZ.items()}, rng, now)
         self._samplers |= {
-            Timesync.ID: lambda: Timesync(ts1=round(self.since_boot_s * 1e9)),
-            SysStatus.ID: self._sys_status,
-            EkfStatusReport.ID: self._ekf_status,
+            **reports(self),
+            **self._gimbal_manager.samplers,
             PositionTargetGlobalInt.ID: self._position_target,
-            MissionCurrent.ID: MissionCurrent,
-            GimbalDeviceAttitudeStatus.ID: self._gimbal_attitude,
-            GimbalManagerStatus.ID: self._gimbal_status,
-            GimbalManagerInformation.ID: self._gimbal_information,
-            AutopilotVersion.ID: self._autopilot_version,
         }
         self._commands |= {
             MavCmd.COMPONENT_ARM_DISARM: self._arm_disarm,
@@ -156,18 +127,14 @@ class ArduCopter(Vehicle):
             MavCmd.DO_PAUSE_CONTINUE: self._pause_continue,
             MavCmd.CONDITION_YAW: self._condition_yaw,
             MavCmd.REQUEST_AUTOPILOT_CAPABILITIES: lambda _: self._send_later(AutopilotVersion.ID),
-            MavCmd.DO_GIMBAL_MANAGER_PITCHYAW: self._gimbal_pitch_yaw,
-            MavCmd.DO_GIMBAL_MANAGER_CONFIGURE: self._gimbal_configure,
-            MavCmd.DO_SET_ROI_LOCATION: self._set_roi,
-            MavCmd.DO_SET_ROI_NONE: self._clear_roi,
+            **self._gimbal_manager.commands,
         }
 
     # What the shared half asks
 
     @staticmethod
     def gimbal_rest_pitch_rad(limits: GimbalLimits) -> float:
-        """Steered by a remote control whose stick is centred: the middle of the range."""
-        return (limits.pitch_min_rad + limits.pitch_max_rad) / 2
+        return rest_pitch_rad(limits)
 
     def base_mode(self) -> int:
         mode = MavModeFlag.CUSTOM_MODE_ENABLED | MavModeFlag.STABILIZE_ENABLED | MavModeFlag.MANUAL_INPUT_ENABLED
@@ -218,15 +185,9 @@ class ArduCopter(Vehicle):
                 if self.mode == Mode.GUIDED and self.in_air:
                     self._position_order(message)
             case GimbalManagerSetPitchyaw():
-                self._steer(
-                    message.flags,
-                    message.gimbal_device_id,
-                    (message.pitch, message.yaw),
-                    (message.pitch_rate, message.yaw_rate),
-                )
-            case GimbalManagerSetAttitude(q=q):
-                rates = (message.angular_velocity_y, message.angular_velocity_z)
-                self._steer(message.flags, message.gimbal_device_id, pitch_yaw(q), rates)
+                self._gimbal_manager.set_pitch_yaw(message)
+            case GimbalManagerSetAttitude():
+                self._gimbal_manager.set_attitude(message)
             case RequestDataStream():
                 self._request_stream(message)
             case _:
@@ -409,79 +370,11 @@ class ArduCopter(Vehicle):
         return MavResult.ACCEPTED
 
     def _request_stream(self, message: RequestDataStream) -> None:
-        groups = (
-            _STREAM_GROUPS.values()
-            if message.req_stream_id == 0
-            else [_STREAM_GROUPS.get(message.req_stream_id, set())]
-        )
-        for message_id in sorted(set().union(*groups)):
+        for message_id in streams_of(message):
             if message.start_stop and message.req_message_rate:
                 self._streams.set(message_id, 1.0 / message.req_message_rate, self._now)
             else:
                 self._streams.stop(message_id)
-
-    # Gimbal
-
-    def _gimbal_pitch_yaw(self, order: Order) -> MavResult:
-        angles = (math.radians(order.p1), math.radians(order.p2))
-        return self._steer(whole(order.x), whole(order.z), angles, (math.radians(order.p3), math.radians(order.p4)))
-
-    def _steer(self, flags: int, gimbal_id: int, angles: tuple[float, float], rates: tuple[float, float]) -> MavResult:
-        """Obey anybody: both angles if they are numbers, else both rates, else it is nothing. Only YAW_LOCK counts."""
-        locked = bool(flags & GimbalFlags.YAW_LOCK)
-        if gimbal_id not in (0, 1):
-            return MavResult.FAILED
-        if flags & (GimbalFlags.NEUTRAL | GimbalFlags.RETRACT):
-            self.gimbal.point(pitch_rad=0.0, yaw_rad=0.0, locked=False)
-        elif all(map(math.isfinite, angles)):
-            self.gimbal.point(pitch_rad=angles[0], yaw_rad=angles[1], locked=locked)
-        elif all(map(math.isfinite, rates)):
-            self.gimbal.turn(pitch_rad_s=rates[0], yaw_rad_s=rates[1], locked=locked)
-        else:
-            return MavResult.FAILED
-        self.roi = None
-        return MavResult.ACCEPTED
-
-    def _gimbal_configure(self, order: Order) -> MavResult:
-        """Remember who is in control, tell it at once, and enforce nothing; "-2" means the sender."""
-        if whole(order.z) not in (0, 1):
-            return MavResult.FAILED
-        self.gimbal.configure((order.p1, order.p2), (-1, -1), sender=order.sender, me=order.sender)
-        self.later(self._gimbal_status())
-        return MavResult.ACCEPTED
-
-    def _set_roi(self, order: Order) -> MavResult:
-        frame = order.frame if order.integer else MavFrame.GLOBAL_RELATIVE_ALT
-        target = self._target(frame, order.lat_deg, order.lon_deg, order.z)
-        if target is None:
-            return MavResult.DENIED
-        self.roi = target
-        return MavResult.ACCEPTED
-
-    def _clear_roi(self, order: Order) -> MavResult:  # noqa: ARG002
-        self.roi = None
-        self.gimbal.point(pitch_rad=self.gimbal_rest_pitch_rad(self.config.gimbal), yaw_rad=0.0, locked=False)
-        return MavResult.ACCEPTED
-
-    # Reports
-
-    def _sys_status(self) -> SysStatus:
-        healthy = 1198652463
-        return SysStatus(
-            onboard_control_sensors_present=1399979055,
-            onboard_control_sensors_enabled=1398930479,
-            onboard_control_sensors_health=healthy | 0x1000_0000 if self.ready else healthy,
-            voltage_battery=self.battery_mv,
-            battery_remaining=self.battery_percent,
-        )
-
-    def _ekf_status(self) -> EkfStatusReport:
-        return EkfStatusReport(
-            flags=831 if self.ready else 167, pos_horiz_variance=0.009, pos_vert_variance=5e-5, compass_variance=0.03
-        )
-
-    def _extended_sys_state(self) -> ExtendedSysState:
-        return ExtendedSysState(vtol_state=3, landed_state=self.landed)
 
     def _position_target(self) -> PositionTargetGlobalInt | None:
         """Only while a position is flown to; a take-off is none, not even when it is over."""
@@ -489,53 +382,10 @@ class ArduCopter(Vehicle):
             return None
         place = self.local.to_geodetic(np.array(self.goal.position_m))
         return PositionTargetGlobalInt(
-            time_boot_ms=round(self.since_boot_s * 1e3),
+            time_boot_ms=self.boot_ms,
             coordinate_frame=MavFrame.GLOBAL,
             type_mask=0xFDF8,
             lat_int=e7(place.lat_deg),
             lon_int=e7(place.lon_deg),
             alt=place.altitude_amsl_m,
-        )
-
-    def _autopilot_version(self) -> AutopilotVersion:
-        return AutopilotVersion(capabilities=64495, flight_sw_version=67567616, uid2=(self.config.system, *(0,) * 17))
-
-    def _gimbal_information(self) -> GimbalManagerInformation:
-        limits = self.config.gimbal
-        return GimbalManagerInformation(
-            time_boot_ms=round(self.since_boot_s * 1e3),
-            cap_flags=206847,
-            gimbal_device_id=1,
-            roll_min=math.radians(-30),
-            roll_max=math.radians(30),
-            pitch_min=limits.pitch_min_rad,
-            pitch_max=limits.pitch_max_rad,
-            yaw_min=limits.yaw_min_rad,
-            yaw_max=limits.yaw_max_rad,
-        )
-
-    def _gimbal_status(self) -> GimbalManagerStatus:
-        return GimbalManagerStatus(
-            time_boot_ms=round(self.since_boot_s * 1e3),
-            flags=GimbalFlags.ROLL_LOCK | GimbalFlags.PITCH_LOCK,
-            gimbal_device_id=1,
-            primary_control_sysid=self.gimbal.primary[0],
-            primary_control_compid=self.gimbal.primary[1],
-        )
-
-    def _gimbal_attitude(self) -> GimbalDeviceAttitudeStatus:
-        """Always against the nose, and it says so; rates and the angle to north are not told."""
-        flags = GimbalFlags.ROLL_LOCK | GimbalFlags.PITCH_LOCK | GimbalFlags.YAW_IN_VEHICLE_FRAME
-        if self.gimbal.locked:
-            flags |= GimbalFlags.YAW_LOCK
-        return GimbalDeviceAttitudeStatus(
-            time_boot_ms=round(self.since_boot_s * 1e3),
-            flags=flags,
-            q=quaternion(pitch_rad=self.gimbal.pitch_rad, yaw_rad=self.gimbal.yaw_rad),
-            angular_velocity_x=math.nan,
-            angular_velocity_y=math.nan,
-            angular_velocity_z=math.nan,
-            delta_yaw=math.nan,
-            delta_yaw_velocity=math.nan,
-            gimbal_device_id=1,
         )

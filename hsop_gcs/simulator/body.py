@@ -145,6 +145,10 @@ class Body:
         return self._now - self._boot_at
 
     @property
+    def boot_ms(self) -> int:
+        return round(self.since_boot_s * 1e3)
+
+    @property
     def battery_percent(self) -> int:
         return max(0, 100 - math.floor(100 * self._airborne_s / _ENDURANCE_S))
 

@@ -1,11 +1,11 @@
 """A simulated PX4: what v1.16 answers, sends unasked and leaves out.
 
 Its surprises, all on purpose: DO_REPOSITION takes its altitude as AMSL whatever the frame says; its flags must be 1,
-else UNSUPPORTED, though the navigator may move all the same; a point outside the fence is ACCEPTED and not flown;
-gimbal orders from anybody but the primary controller are DENIED or dropped; gimbal limits are in degrees; x and y of a
-COMMAND_INT are scaled by 1e-7 whatever they mean; DO_SET_MODE is acknowledged twice, at first without looking.
+else UNSUPPORTED, though the navigator may move all the same; a point outside the fence is ACCEPTED and not flown; x and
+y of a COMMAND_INT are scaled by 1e-7 whatever they mean; DO_SET_MODE is acknowledged twice, at first without looking.
+Its gimbal manager has a module of its own.
 
-Sources: a recording of v1.16.0; PX4-Autopilot Commander.cpp, navigator_main.cpp, gimbal/input_mavlink.cpp.
+Sources: a recording of v1.16.0; PX4-Autopilot Commander.cpp, navigator_main.cpp.
 """
 
 import math
@@ -16,7 +16,6 @@ import numpy as np
 
 from hsop_gcs.geometry.frames import wrap_rad
 from hsop_gcs.link.enums import (
-    GimbalFlags,
     MavAutopilot,
     MavCmd,
     MavModeFlag,
@@ -25,37 +24,19 @@ from hsop_gcs.link.enums import (
     MavState,
 )
 from hsop_gcs.link.messages import (
-    Altitude,
-    Attitude,
-    AttitudeQuaternion,
     AutopilotVersion,
-    BatteryStatus,
-    CommandLong,
-    EstimatorStatus,
-    ExtendedSysState,
-    GimbalDeviceAttitudeStatus,
     GimbalManagerInformation,
     GimbalManagerSetAttitude,
-    GimbalManagerStatus,
-    GlobalPositionInt,
-    GpsRawInt,
-    Heartbeat,
-    HomePosition,
-    LocalPositionNed,
     Message,
-    MissionCurrent,
-    Ping,
-    PositionTargetGlobalInt,
     SetMode,
-    SysStatus,
-    VfrHud,
 )
 from hsop_gcs.simulator.body import VehicleConfig
 from hsop_gcs.simulator.flight import FlightGoal, Point
-from hsop_gcs.simulator.gimbal import GimbalLimits, Identity, pitch_yaw, quaternion
+from hsop_gcs.simulator.gimbal import GimbalLimits, Identity
 from hsop_gcs.simulator.orders import Order, whole
 from hsop_gcs.simulator.parameters import INT32, Parameter, Parameters
-from hsop_gcs.simulator.telemetry import e7
+from hsop_gcs.simulator.px4_gimbal import Px4GimbalManager
+from hsop_gcs.simulator.px4_reports import FRESH_LINK_HZ, reports
 from hsop_gcs.simulator.vehicle import Vehicle
 
 
@@ -68,29 +49,7 @@ class Mode(IntEnum):
     LAND = 0x0604_0000
 
 
-_FRESH_LINK_HZ = {
-    Heartbeat.ID: 1.0,
-    Attitude.ID: 50.0,
-    AttitudeQuaternion.ID: 50.0,
-    GlobalPositionInt.ID: 50.0,
-    LocalPositionNed.ID: 50.0,
-    GpsRawInt.ID: 5.0,
-    VfrHud.ID: 4.0,
-    Altitude.ID: 1.0,
-    ExtendedSysState.ID: 1.0,
-    GimbalDeviceAttitudeStatus.ID: 1.0,
-    SysStatus.ID: 1.0,
-    PositionTargetGlobalInt.ID: 1.0,
-    MissionCurrent.ID: 1.0,
-    HomePosition.ID: 0.5,
-    BatteryStatus.ID: 0.5,
-    EstimatorStatus.ID: 0.5,
-    GimbalManagerStatus.ID: 0.5,
-    Ping.ID: 0.1,
-}
 _ON_REQUEST = {AutopilotVersion.ID, GimbalManagerInformation.ID}
-_LOCK_FLAGS = GimbalFlags.ROLL_LOCK | GimbalFlags.PITCH_LOCK | GimbalFlags.YAW_LOCK
-_LEVEL = GimbalFlags.ROLL_LOCK | GimbalFlags.PITCH_LOCK
 _INT32_MAX = 2**31 - 1
 _DISARM_UNFLOWN_S = 10.0
 _FORCE_DISARM = 21196
@@ -106,11 +65,10 @@ class Px4(Vehicle):
 
     def __init__(self, config: VehicleConfig, *, now: float, rng: np.random.Generator) -> None:
         self.mode = Mode.HOLD
-        self._gimbal_flags = _LEVEL
+        self._gimbal_manager = Px4GimbalManager(self)
         self._speed_mps: float | None = None
         self._idle_since: float | None = None
         self._landed_itself = False
-        self._ping_count = 0
         parameters = Parameters(
             {
                 "MAV_SYS_ID": Parameter(config.system, INT32),
@@ -122,17 +80,10 @@ class Px4(Vehicle):
             },
             bytewise=True,
         )
-        super().__init__(config, parameters, {message: 1.0 / hz for message, hz in _FRESH_LINK_HZ.items()}, rng, now)
+        super().__init__(config, parameters, {message: 1.0 / hz for message, hz in FRESH_LINK_HZ.items()}, rng, now)
         self._samplers |= {
-            SysStatus.ID: self._sys_status,
-            EstimatorStatus.ID: self._estimator_status,
-            PositionTargetGlobalInt.ID: self._position_target,
-            MissionCurrent.ID: lambda: MissionCurrent(seq=0, total=65535),
-            Ping.ID: self._ping,
-            GimbalDeviceAttitudeStatus.ID: self._gimbal_attitude,
-            GimbalManagerStatus.ID: self._gimbal_status,
-            GimbalManagerInformation.ID: self._gimbal_information,
-            AutopilotVersion.ID: self._autopilot_version,
+            **reports(self),
+            **self._gimbal_manager.samplers,
         }
         self._commands |= {
             MavCmd.COMPONENT_ARM_DISARM: self._arm_disarm,
@@ -143,10 +94,7 @@ class Px4(Vehicle):
             MavCmd.DO_SET_MODE: self._set_mode,
             MavCmd.DO_CHANGE_SPEED: self._change_speed,
             MavCmd.REQUEST_AUTOPILOT_CAPABILITIES: lambda _: self._send(AutopilotVersion.ID),
-            MavCmd.DO_GIMBAL_MANAGER_PITCHYAW: self._gimbal_pitch_yaw,
-            MavCmd.DO_GIMBAL_MANAGER_CONFIGURE: self._gimbal_configure,
-            MavCmd.DO_SET_ROI_LOCATION: self._set_roi,
-            MavCmd.DO_SET_ROI_NONE: self._clear_roi,
+            **self._gimbal_manager.commands,
         }
 
     # What the shared half asks
@@ -199,10 +147,8 @@ class Px4(Vehicle):
         match message:
             case SetMode(custom_mode=custom_mode):
                 self._change_mode(custom_mode)
-            case GimbalManagerSetAttitude(flags=flags, q=q):
-                if sender == self.gimbal.primary:
-                    rates = (message.angular_velocity_y, message.angular_velocity_z)
-                    self._point(flags, *pitch_yaw(q), *rates)
+            case GimbalManagerSetAttitude():
+                self._gimbal_manager.set_attitude(message, sender)
             case _:
                 super()._hear(message, sender)
 
@@ -256,23 +202,9 @@ class Px4(Vehicle):
         return MavResult.ACCEPTED
 
     def _return(self) -> None:
-        """Climb, fly home, land; the navigator takes the gimbal, levels it and lets go of it."""
+        """Climb, fly home, land."""
         self._say("Returning to launch")
-        me = (self.config.system, 1)
-        for command, p1, p2, p5 in (
-            (MavCmd.DO_GIMBAL_MANAGER_CONFIGURE, *me, 0.0),
-            (MavCmd.DO_GIMBAL_MANAGER_PITCHYAW, math.nan, math.nan, GimbalFlags.NEUTRAL),
-            (MavCmd.DO_GIMBAL_MANAGER_CONFIGURE, -3, -3, 0.0),
-        ):
-            rest = math.nan if command == MavCmd.DO_GIMBAL_MANAGER_PITCHYAW else -1.0
-            self.later(
-                CommandLong(
-                    target_system=me[0], command=command, param1=p1, param2=p2, param3=rest, param4=rest, param5=p5
-                )
-            )
-        self.gimbal.configure(me, (-1, -1), sender=me, me=me)
-        self._point(GimbalFlags.NEUTRAL, math.nan, math.nan, math.nan, math.nan)
-        self.gimbal.configure((-3, -3), (-1, -1), sender=me, me=me)
+        self._gimbal_manager.stow_for_return()
         if not self.in_air:
             return
         east, north, up = (float(value) for value in self.local.to_enu(self.home))
@@ -352,148 +284,10 @@ class Px4(Vehicle):
     def streamable(self) -> set[int]:
         return super().streamable - _ON_REQUEST
 
-    # Gimbal
-
-    def _gimbal_pitch_yaw(self, order: Order) -> MavResult:
-        if order.sender != self.gimbal.primary:
-            return MavResult.DENIED
-        flags = whole(order.lat_deg)
-        self._point(flags, math.radians(order.p1), math.radians(order.p2), order.p3, order.p4)
-        return MavResult.ACCEPTED
-
-    def _point(self, flags: int, pitch_rad: float, yaw_rad: float, pitch_rad_s: float, yaw_rad_s: float) -> None:
-        """Aim as the lock flags say. Retract is not implemented, neither here nor there."""
-        if flags & GimbalFlags.RETRACT:
-            return
-        self.roi = None
-        if flags & GimbalFlags.NEUTRAL:
-            self._gimbal_flags = _LEVEL
-            self.gimbal.point(pitch_rad=0.0, yaw_rad=0.0, locked=False)
-            return
-        self._gimbal_flags = GimbalFlags(flags & _LOCK_FLAGS)
-        locked = bool(flags & GimbalFlags.YAW_LOCK)
-        if math.isfinite(pitch_rad_s) or math.isfinite(yaw_rad_s):
-            rates = [rate if math.isfinite(rate) else 0.0 for rate in (pitch_rad_s, yaw_rad_s)]
-            self.gimbal.turn(pitch_rad_s=rates[0], yaw_rad_s=rates[1], locked=locked)
-        else:
-            self.gimbal.point(pitch_rad=_finite(pitch_rad), yaw_rad=_finite(yaw_rad), locked=locked)
-
-    def _gimbal_configure(self, order: Order) -> MavResult:
-        """Primary control only; "-2" means this autopilot, not the sender."""
-        self.gimbal.configure((order.p1, order.p2), (-1, -1), sender=order.sender, me=(self.config.system, 1))
-        return MavResult.ACCEPTED
-
-    def _set_roi(self, order: Order) -> MavResult:
-        """Look at a place whoever is in control; the altitude is AMSL whatever the frame says."""
-        place = (order.lat_deg, order.lon_deg, order.z)
-        if not all(map(math.isfinite, place)):
-            return MavResult.DENIED
-        self.roi = self.place_of(*place)
-        self._gimbal_flags = _LEVEL | GimbalFlags.YAW_LOCK
-        return MavResult.ACCEPTED
-
-    def _clear_roi(self, order: Order) -> MavResult:  # noqa: ARG002
-        self._point(GimbalFlags.NEUTRAL, math.nan, math.nan, math.nan, math.nan)
-        return MavResult.ACCEPTED
-
-    # Reports
-
     def _say(self, text: str, severity: MavSeverity = MavSeverity.INFO) -> None:
         """Every text ends in a tab: that is how PX4 marks one that an event tells as well."""
         self.say(text + "\t", severity, numbered=True)
 
-    def _sys_status(self) -> SysStatus:
-        return SysStatus(
-            onboard_control_sensors_present=50348079,
-            onboard_control_sensors_enabled=50413615,
-            onboard_control_sensors_health=320915519 if self.ready else 320915519 & ~0x1000_0000,
-            load=200,
-            voltage_battery=self.battery_mv,
-            current_battery=-100,
-            battery_remaining=self.battery_percent,
-        )
-
-    def _estimator_status(self) -> EstimatorStatus:
-        flags = 895 if self.in_air else 1023
-        return EstimatorStatus(
-            time_usec=round(self.since_boot_s * 1e6),
-            flags=flags if self.ready else 0x0A7,
-            vel_ratio=0.05,
-            pos_horiz_ratio=0.05,
-            pos_vert_ratio=0.02,
-            mag_ratio=0.07,
-            tas_ratio=math.nan,
-            pos_horiz_accuracy=0.3,
-            pos_vert_accuracy=0.3,
-        )
-
-    def _position_target(self) -> PositionTargetGlobalInt | None:
-        if self.goal is None or not self.armed:
-            return None
-        place = self.local.to_geodetic(np.array(self.goal.position_m))
-        return PositionTargetGlobalInt(
-            time_boot_ms=round(self.since_boot_s * 1e3),
-            coordinate_frame=5,
-            lat_int=e7(place.lat_deg),
-            lon_int=e7(place.lon_deg),
-            alt=place.altitude_amsl_m,
-            vx=math.nan,
-            vy=math.nan,
-            vz=math.nan,
-            yaw=self.state.heading_rad if self.goal.heading_rad is None else self.goal.heading_rad,
-        )
-
-    def _ping(self) -> Ping:
-        self._ping_count += 1
-        return Ping(time_usec=round(self.since_boot_s * 1e6), seq=self._ping_count - 1)
-
-    def _autopilot_version(self) -> AutopilotVersion:
-        return AutopilotVersion(
-            capabilities=321791,
-            flight_sw_version=17826047,
-            middleware_sw_version=17826047,
-            board_version=1,
-            uid=self.config.system,
-            uid2=(self.config.system, *(0,) * 17),
-        )
-
-    def _gimbal_information(self) -> GimbalManagerInformation:
-        """Degrees, where the message's definition wants radians. An endless yaw is told as one turn either way."""
-        limits = self.config.gimbal
-        yaw_min, yaw_max = math.degrees(limits.yaw_min_rad), math.degrees(limits.yaw_max_rad)
-        return GimbalManagerInformation(
-            time_boot_ms=round(self.since_boot_s * 1e3),
-            cap_flags=132530,
-            gimbal_device_id=1,
-            pitch_min=math.degrees(limits.pitch_min_rad),
-            pitch_max=math.degrees(limits.pitch_max_rad),
-            yaw_min=-360.0 if limits.full_circle else yaw_min,
-            yaw_max=360.0 if limits.full_circle else yaw_max,
-        )
-
-    def _gimbal_status(self) -> GimbalManagerStatus:
-        return GimbalManagerStatus(
-            time_boot_ms=round(self.since_boot_s * 1e3),
-            flags=self._gimbal_flags,
-            gimbal_device_id=1,
-            primary_control_sysid=self.gimbal.primary[0],
-            primary_control_compid=self.gimbal.primary[1],
-        )
-
-    def _gimbal_attitude(self) -> GimbalDeviceAttitudeStatus:
-        """Yaw is against north when locked, else against the nose; neither frame bit says so."""
-        yaw_rad = self.gimbal.earth_yaw_rad if self.gimbal.locked else self.gimbal.yaw_rad
-        return GimbalDeviceAttitudeStatus(
-            time_boot_ms=round(self.since_boot_s * 1e3),
-            flags=self._gimbal_flags,
-            q=quaternion(pitch_rad=self.gimbal.pitch_rad, yaw_rad=yaw_rad),
-            gimbal_device_id=1,
-        )
-
 
 def _unset(coordinate: float) -> bool:
     return coordinate == _INT32_MAX or math.isnan(coordinate)
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

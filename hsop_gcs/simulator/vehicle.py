@@ -44,8 +44,8 @@ from hsop_gcs.simulator.telemetry import SAMPLERS, Situation, e7, mm
 _STATUS_TEXT_LENGTH = 50
 _SHORTEST_INTERVAL_S = 0.01
 
-
 Handler = Callable[[Order], MavResult | None]
+Sampler = Callable[[], Message | None]
 
 
 class Vehicle(Body):
@@ -76,7 +76,7 @@ class Vehicle(Body):
             MavCmd.REQUEST_MESSAGE: self._request_message,
             MavCmd.GET_HOME_POSITION: lambda _: self._send_home(),
         }
-        self._samplers: dict[int, Callable[[], Message | None]] = {
+        self._samplers: dict[int, Sampler] = {
             Heartbeat.ID: self._heartbeat,
             HomePosition.ID: self._home_position,
             BatteryStatus.ID: self._battery,
