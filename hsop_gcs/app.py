@@ -16,6 +16,7 @@ from hsop_gcs.api.placements import WhatIf
 from hsop_gcs.errors import Unavailable
 from hsop_gcs.journal import Journal
 from hsop_gcs.link.pump import Link
+from hsop_gcs.link.tlog import TlogWriter, create_tlog
 from hsop_gcs.mission.controller import Mission
 from hsop_gcs.mission.records import recover
 from hsop_gcs.mission.solver import Solver
@@ -38,7 +39,11 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
             if journal.repair is not None:
                 log.warning("journal %s: its last line was torn; %d bytes were cut off", path, journal.repair.bytes_cut)
         solver = await stack.enter_async_context(Solver())
-        link = await stack.enter_async_context(Link(endpoints, [host.system_id for host in fleet.hosts]))
+        tlog = None
+        if settings.service.tlog is not None:
+            tlog = TlogWriter(stack.enter_context(create_tlog(Path(settings.service.tlog), time.time())))
+        systems = [host.system_id for host in fleet.hosts]
+        link = await stack.enter_async_context(Link(endpoints, systems, on_frame=_recorder(tlog)))
         mission = Mission(
             fleet=fleet,
             site=settings.to_site(),
@@ -48,6 +53,7 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
             rules=settings.to_rules(),
             recovered=recovered,
             journal=journal,
+            tlog=tlog,
         )
         runner = asyncio.create_task(mission.run())
         try:
@@ -55,6 +61,10 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
         finally:
             runner.cancel()
             await asyncio.gather(runner, return_exceptions=True)
+
+
+def _recorder(tlog: TlogWriter | None) -> Callable[[bytes], None] | None:
+    return None if tlog is None else lambda raw: tlog.write(time.time(), raw)
 
 
 class _Server(uvicorn.Server):

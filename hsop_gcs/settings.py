@@ -47,6 +47,8 @@ class ServiceSection(_Section):
     max_body_bytes: Annotated[int, Field(gt=0)] = 1_000_000
     journal: Annotated[str, Field(min_length=1)] | None = None
     """Where everything that happens is written down; a mission found there goes on. None: nowhere."""
+    tlog: Annotated[str, Field(min_length=1)] | None = None
+    """The folder in which each run writes a telemetry log of every frame received and sent. None: nowhere."""
 
 
 class TargetErrorSection(_Section):

@@ -119,6 +119,8 @@ def health_out(mission: Mission, started_at_s: float) -> HealthOut:
         problems.append("link: the pump has stopped")
     if mission.journal_fault is not None:
         problems.append(f"journal: {mission.journal_fault}")
+    if mission.tlog is not None and mission.tlog.fault is not None:
+        problems.append(f"telemetry log: {mission.tlog.fault}")
     if mission.solver_fault is not None:
         problems.append(f"planning: {mission.solver_fault}")
     if mission.state.plans.failed is not None:

@@ -139,6 +139,15 @@ def assimilate(
     )
 
 
+def let_go(watch: Watch, now_s: float, rules: DetectionRules) -> Watch:
+    """Return the watch without the rays that have waited too long; the same one if there is none."""
+    kept = tuple(ray for ray in watch.held if now_s - ray.time_s <= rules.hold_s)
+    in_vain = len(watch.held) - len(kept)
+    if not in_vain:
+        return watch
+    return replace(watch, held=kept, counts=replace(watch.counts, unexplained=watch.counts.unexplained + in_vain))
+
+
 def _ray_or_refusal(
     detection: Detection, poses: Mapping[str, PoseHistory], rig: CameraRig, rules: DetectionRules
 ) -> Ray | Refused:
@@ -230,7 +239,7 @@ class _Work:
         self._update(measurements, members)
 
     def begin_candidates(self) -> None:
-        """Begin a threat wherever held rays meet, and let go of those that waited too long."""
+        """Begin a threat wherever held rays meet."""
         rays = [ray for _, ray in self._held]
         found = meetings(rays, self._rules)
         for meeting in found:
@@ -244,20 +253,23 @@ class _Work:
                 used=self._counts.used + (sum(index is None for index in indices) if threat else 0),
             )
         met = {number for meeting in found for number in meeting.rays}
-        left = sorted(
-            (each for number, each in enumerate(self._held) if number not in met), key=lambda each: each[1].time_s
-        )
-        kept = [each for each in left if self._now_s - each[1].time_s <= self._rules.hold_s][-self._rules.most_held :]
-        self._counts = replace(self._counts, unexplained=self._counts.unexplained + len(left) - len(kept))
-        self._held = kept
+        self._held = [each for number, each in enumerate(self._held) if number not in met]
 
     def watch(self, *, received: int) -> Watch:
-        return Watch(
-            held=tuple(ray for _, ray in self._held),
+        held = sorted((ray for _, ray in self._held), key=lambda ray: ray.time_s)
+        kept = held[-self._rules.most_held :]
+        counts = replace(
+            self._counts,
+            received=self._counts.received + received,
+            unexplained=self._counts.unexplained + len(held) - len(kept),
+        )
+        watch = Watch(
+            held=tuple(kept),
             recent=(frozenset(self._recent), self._before),
             recent_since_s=self._recent_since_s,
-            counts=replace(self._counts, received=self._counts.received + received),
+            counts=counts,
         )
+        return let_go(watch, self._now_s, self._rules)
 
     def _fix(self, track: Track, rays: list[Ray], time_s: float) -> Fix | None:
         if len({ray.detection.host for ray in rays}) < 2:

@@ -4,8 +4,11 @@ The form that every ground station reads and writes.  Source: MAVLink developer 
 """
 
 from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
 from typing import BinaryIO
 
+from hsop_gcs.errors import Unavailable
 from hsop_gcs.link.codec import STX_V1, STX_V2, Decoder, Frame
 
 _STAMP_BYTES = 8
@@ -44,11 +47,34 @@ def read_tlog(file: BinaryIO) -> Iterator[tuple[float, Frame]]:
 
 
 class TlogWriter:
-    """Appends frames to an open binary file; the caller opens and closes it."""
+    """Appends frames to an open binary file; the caller opens and closes it.
+
+    A file that cannot be written any more ends the recording, and never the flight.
+    """
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
+        self.fault: str | None = None
+        """Why the recording ended; None while it goes on."""
 
     def write(self, time_s: float, raw: bytes) -> None:
         """Write one frame. time_s: seconds since the Unix epoch."""
-        self._file.write(round(time_s * 1e6).to_bytes(_STAMP_BYTES, "big") + raw)
+        if self.fault is not None:
+            return
+        try:
+            self._file.write(round(time_s * 1e6).to_bytes(_STAMP_BYTES, "big") + raw)
+        except OSError as error:
+            self.fault = f"cannot be written any more: {error.strerror}"
+
+
+def create_tlog(folder: Path, time_s: float) -> BinaryIO:
+    """Create a log named after the time its run began, seconds since the Unix epoch; unbuffered: a kill loses nothing.
+
+    Raises Unavailable if that is not possible.
+    """
+    path = folder / f"{datetime.fromtimestamp(time_s, UTC):%Y-%m-%dT%H-%M-%S.%fZ}.tlog"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        return path.open("xb", buffering=0)
+    except OSError as error:
+        raise Unavailable(f"telemetry log {str(path)!r}: {error.strerror}") from error

@@ -15,7 +15,7 @@ import numpy as np
 
 from hsop_gcs.assignment import Mover, safe_route
 from hsop_gcs.cameras.rig import CameraKind
-from hsop_gcs.detections import Detection, PoseHistory, rays_of
+from hsop_gcs.detections import Detection, PoseHistory, let_go, rays_of
 from hsop_gcs.detections import Verdict as RayVerdict
 from hsop_gcs.errors import NotKnown, Refused, Unavailable
 from hsop_gcs.fleet import Fleet, Host
@@ -23,6 +23,7 @@ from hsop_gcs.geometry.frames import Aim, aim_between
 from hsop_gcs.journal import Journal
 from hsop_gcs.link.events import Event
 from hsop_gcs.link.pump import Link
+from hsop_gcs.link.tlog import TlogWriter
 from hsop_gcs.link.vehicle import Vehicle
 from hsop_gcs.mission.core import (
     DecisionMade,
@@ -91,6 +92,7 @@ class Mission:
         rules: Rules | None = None,
         recovered: MissionState | None = None,
         journal: Journal | None = None,
+        tlog: TlogWriter | None = None,
     ) -> None:
         self.fleet = fleet
         self.site = site
@@ -104,6 +106,8 @@ class Mission:
         self.solver_fault: str | None = None
         """What went wrong in the solver's process, if its last run did not end in an answer."""
         self.journal = journal
+        self.tlog = tlog
+        """What records the link, to show whether it does."""
         self.journal_fault: str | None = None
         self._solver = solver
         self._solving: asyncio.Task[None] | None = None
@@ -245,7 +249,8 @@ class Mission:
         after, gone = prune(self.state.picture, now_s, self.state.rules.tracks)
         for track in gone:
             log.info("threat %s has not been reported for %.0f s: it has left", track.id, now_s - track.time_s)
-        if gone or any(track.status is not before[track_id].status for track_id, track in after.tracks.items()):
+        changed = any(track.status is not before[track_id].status for track_id, track in after.tracks.items())
+        if gone or changed or let_go(self.state.watch, now_s, self.state.rules.detections) is not self.state.watch:
             self._take(TimePassed(time_s=now_s))
 
     def _follow_threats(self, now_s: float) -> None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from hsop_gcs.assignment import Mover
-from hsop_gcs.detections import DetectionRules, Ray, Refused, Watch, assimilate
+from hsop_gcs.detections import DetectionRules, Ray, Refused, Watch, assimilate, let_go
 from hsop_gcs.detections import Verdict as RayVerdict
 from hsop_gcs.link.events import Event, OrderEvent
 from hsop_gcs.mission.dispatch import OrderProgress, progressed
@@ -79,7 +79,7 @@ class RaysArrived(Input):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimePassed(Input):
-    """So much time that a track changed its status or left."""
+    """So much time that a track changed its status or left, or a ray was held in vain."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -165,7 +165,8 @@ def apply(mission: MissionState, given: Input) -> MissionState:
             return take_rays(mission, given)[0]
         case TimePassed(time_s=time_s):
             picture, _ = prune(mission.picture, time_s, mission.rules.tracks)
-            return _with_picture(mission, picture)
+            watch = let_go(mission.watch, time_s, mission.rules.detections)
+            return _with_picture(replace(mission, watch=watch), picture)
         case ThreatDismissed(threat_id=threat_id):
             return _without(mission, threat_id, time_s=given.time_s)
         case SolverAsked():

@@ -16,12 +16,10 @@ from hsop_gcs.link.events import (
     Event,
     GimbalFailed,
     GimbalOffTarget,
-    GimbalOnTarget,
     OnStation,
     OrderAccepted,
     OrderFailed,
     OrderSuperseded,
-    TookOff,
 )
 from hsop_gcs.link.protocol.hover import HoverOrder
 from hsop_gcs.link.protocol.telemetry import VehicleState
@@ -127,5 +125,4 @@ def progressed(progress: OrderProgress, event: Event) -> OrderProgress:
             )
         case OrderSuperseded():
             return replace(progress, status=OrderStatus.SUPERSEDED)
-        case TookOff() | GimbalOnTarget() | _:
-            return progress
+    return progress

@@ -20,6 +20,7 @@ from hsop_gcs.detections import (
     Refused,
     Watch,
     assimilate,
+    let_go,
     rays_of,
 )
 from hsop_gcs.geometry.frames import Aim
@@ -111,8 +112,10 @@ def test_hosts_whose_detections_come_in_posts_of_their_own_still_begin_a_threat(
 def test_a_ray_held_in_vain_is_counted_when_it_is_let_go() -> None:
     held = take(Picture(), seen_by("a"))
     assert (len(held.watch.held), held.watch.counts.unexplained) == (1, 0)
-    later = take(held.picture, [], held.watch, NOW_S + 1.0)
-    assert (len(later.watch.held), later.watch.counts.unexplained) == (0, 1)
+    assert let_go(held.watch, NOW_S + 0.4, DetectionRules()) is held.watch
+    later = let_go(held.watch, NOW_S + 1.0, DetectionRules())
+    assert (len(later.held), later.counts.unexplained) == (0, 1)
+    assert take(held.picture, [], held.watch, NOW_S + 1.0).watch == later
 
 
 def test_rays_that_meet_at_an_own_host_begin_no_threat() -> None:

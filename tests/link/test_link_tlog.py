@@ -5,9 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from hsop_gcs.errors import Unavailable
 from hsop_gcs.link.codec import Encoder
 from hsop_gcs.link.messages import Attitude, Heartbeat
-from hsop_gcs.link.tlog import TlogWriter, read_tlog
+from hsop_gcs.link.tlog import TlogWriter, create_tlog, read_tlog
 
 DATA = Path(__file__).parent.parent / "data"
 MICROSECOND = 1e-6
@@ -52,3 +53,18 @@ def test_a_recording_is_written_back_byte_for_byte(name: str) -> None:
     for time_s, frame in read_tlog(io.BytesIO(original)):
         writer.write(time_s, frame.raw)
     assert copy.getvalue() == original
+
+
+def test_a_log_that_cannot_be_written_any_more_ends_and_says_why() -> None:
+    with Path("/dev/full").open("wb", buffering=0) as file:
+        writer = TlogWriter(file)
+        writer.write(1_790_000_000.0, b"frame")
+        writer.write(1_790_000_001.0, b"frame")
+    assert writer.fault == "cannot be written any more: No space left on device"
+
+
+def test_a_log_is_named_after_its_time_and_never_overwritten(tmp_path: Path) -> None:
+    with create_tlog(tmp_path / "logs", 1_790_000_000.25) as file:
+        assert Path(file.name).name == "2026-09-21T14-13-20.250000Z.tlog"
+    with pytest.raises(Unavailable, match="File exists"):
+        create_tlog(tmp_path / "logs", 1_790_000_000.25)

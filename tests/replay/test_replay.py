@@ -5,6 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from pymavlink import mavutil
 
 from hsop_gcs.journal import Journal, read
 from hsop_gcs.mission.records import recover
@@ -17,8 +18,10 @@ DATA = Path(__file__).parent.parent / "data"
 
 
 def with_journal(path: Path, udp_port: int) -> Settings:
+    """Settings of a service that also writes telemetry logs, next to its journal."""
     wanted = settings(2, udp_port, time_limit_s=0.3)
-    return wanted.model_copy(update={"service": wanted.service.model_copy(update={"journal": str(path)})})
+    recorded = {"journal": str(path), "tlog": str(path.parent)}
+    return wanted.model_copy(update={"service": wanted.service.model_copy(update=recorded)})
 
 
 @pytest.fixture(scope="module")
@@ -27,6 +30,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("mission") / "journal"
     port = free_udp_port()
     with service(with_journal(path, port)) as client, simulated_fleet(port, 2):
+        wait_until(lambda: client.get("/api/v1/health").json()["planning"]["ready"], limit_s=150)
         wait_until(lambda: client.get("/api/v1/health").json()["hosts_available"] == 2)
         client.post("/api/v1/reports", json=report("t1")).raise_for_status()
         plan = wait_until(lambda: client.get("/api/v1/plan").json()["proposed"])
@@ -44,6 +48,19 @@ def test_a_mission_replays_to_the_bit(recorded: Path) -> None:
     assert outcome.differences == ()
     assert outcome.decisions >= 2
     assert outcome.reports == 2
+
+
+def test_the_telemetry_log_of_a_mission_is_retold_and_read_by_pymavlink(recorded: Path) -> None:
+    (path,) = recorded.parent.glob("*.tlog")
+    story = [str(line) for line in retell(path)]
+    assert any("DO_REPOSITION to" in line for line in story)
+    assert any("DO_REPOSITION: ACCEPTED" in line for line in story)
+    frames = mavutil.mavlink_connection(str(path))
+    kinds = set()
+    while (message := frames.recv_msg()) is not None:
+        kinds.add((message.get_type(), message.get_srcSystem()))
+    frames.close()
+    assert {("HEARTBEAT", 1), ("HEARTBEAT", 255), ("COMMAND_ACK", 1), ("ATTITUDE", 2)} <= kinds
 
 
 def test_a_journal_that_was_tampered_with_is_told_apart(recorded: Path, tmp_path: Path) -> None:
