@@ -1,12 +1,27 @@
 """FLEET.toml: read once, checked whole, turned into the plain values the layers below work with."""
 
 import math
+import re
 import tomllib
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
+from hsop_gcs.areas import Area, read_areas
 from hsop_gcs.cameras.fisheye import FisheyeCamera
 from hsop_gcs.cameras.pinhole import PinholeCamera
 from hsop_gcs.cameras.rig import CameraRig
@@ -16,12 +31,15 @@ from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
 from hsop_gcs.mission.core import Rules
 from hsop_gcs.mission.pipeline import PlanningRules, TargetError
 from hsop_gcs.mission.state import Autonomy, ReplanRules
-from hsop_gcs.placement.airspace import Airspace, KeepOut, Polygon
+from hsop_gcs.placement.airspace import Airspace, KeepOut, Polygon, require_area
 from hsop_gcs.placement.problem import Formulation, Objective
 from hsop_gcs.reports import Site
 from hsop_gcs.tracks import ConfirmAtOnce, TrackRules
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+_FAR_DEG = 2.0
+"""A corner so far away is a mistake, mostly latitude and longitude the wrong way round."""
+
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -93,20 +111,81 @@ class LimitsSection(_Section):
         return self
 
 
+def _an_area(corners: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    try:
+        require_area(corners, "polygon")
+    except BadInput as error:
+        raise ValueError(error.problem) from error
+    return corners
+
+
 Corner = tuple[Annotated[float, Field(ge=-90, le=90)], Annotated[float, Field(ge=-180, le=180)]]
 """Latitude and longitude, degrees."""
-Corners = Annotated[tuple[Corner, ...], Field(min_length=3)]
+Corners = Annotated[tuple[Corner, ...], Field(min_length=3), AfterValidator(_an_area)]
+
+
+def _read(value: object, info: ValidationInfo) -> tuple[Area, ...]:
+    """Read a file of areas; a relative name is looked for beside FLEET.toml."""
+    if not isinstance(value, str):
+        raise ValueError("must be the name of a file")
+    try:
+        areas = read_areas((info.context or Path()) / value)
+        for area in areas:
+            require_area(area.corners, value)
+    except BadInput as error:
+        raise ValueError(str(error)) from error
+    return areas
+
+
+AreaFile = Annotated[tuple[Area, ...], BeforeValidator(_read)]
+"""The name of a GeoJSON, QGroundControl .plan or KML file; what it holds."""
 
 
 class FenceSection(_Section):
-    inside: Corners
+    inside: Corners | None = None
+    file: AreaFile | None = None
+    """Its exclusions are keep-outs."""
+
+    @model_validator(mode="after")
+    def _somewhere(self) -> Self:
+        if (self.inside is None) == (self.file is None):
+            raise ValueError("needs inside or file, one of them")
+        if self.file is not None and all(area.keep_out for area in self.file):
+            raise ValueError("file: holds exclusions only, nothing to be inside of")
+        return self
+
+    def areas(self) -> tuple[Area, ...]:
+        return self.file or (Area(corners=self.inside or ()),)
 
 
 class KeepOutSection(_Section):
-    polygon: Corners
+    polygon: Corners | None = None
+    file: AreaFile | None = None
     floor_m: Finite | None = None
     ceiling_m: Finite | None = None
-    """Metres above the origin, like those of the flight limits; None: without end."""
+    """Metres above the origin, like those of the flight limits; None: what the file says, or without end."""
+
+    @model_validator(mode="after")
+    def _somewhere(self) -> Self:
+        if (self.polygon is None) == (self.file is None):
+            raise ValueError("needs polygon or file, one of them")
+        for area in self.areas():
+            floor_m, ceiling_m = area.floor_m, area.ceiling_m
+            if floor_m is not None and ceiling_m is not None and floor_m >= ceiling_m:
+                raise ValueError(f"floor_m {floor_m:g} must be below ceiling_m {ceiling_m:g}")
+        if self.file is not None and any(area.keep_out is False for area in self.file):
+            raise ValueError("file: holds inclusions; they belong into [fence]")
+        return self
+
+    def areas(self) -> tuple[Area, ...]:
+        return tuple(
+            replace(
+                area,
+                floor_m=area.floor_m if self.floor_m is None else self.floor_m,
+                ceiling_m=area.ceiling_m if self.ceiling_m is None else self.ceiling_m,
+            )
+            for area in self.file or (Area(corners=self.polygon or ()),)
+        )
 
 
 class PeripheralSection(_Section):
@@ -149,15 +228,27 @@ class Settings(_Section):
     keep_out: tuple[KeepOutSection, ...] = ()
     hosts: Annotated[tuple[HostSection, ...], Field(min_length=1)]
 
+    @field_validator("hosts")
+    @classmethod
+    def _unique(cls, hosts: tuple[HostSection, ...]) -> tuple[HostSection, ...]:
+        twice = [
+            f"two hosts have {name} {value!r}"
+            for name in ("id", "system_id")
+            for value, count in Counter(getattr(host, name) for host in hosts).items()
+            if count > 1
+        ]
+        if twice:
+            raise ValueError("; ".join(twice))
+        return hosts
+
     @model_validator(mode="after")
-    def _unique(self) -> Self:
-        for name in ("id", "system_id"):
-            seen: set[object] = set()
-            for host in self.hosts:
-                value = getattr(host, name)
-                if value in seen:
-                    raise ValueError(f"two hosts have {name} {value!r}")
-                seen.add(value)
+    def _near_the_origin(self) -> Self:
+        origin = self.site.origin
+        for name, sections in (("fence", (self.fence,) if self.fence else ()), ("keep_out", self.keep_out)):
+            for area in (area for section in sections for area in section.areas()):
+                away_deg = max(math.dist((origin.lat_deg, origin.lon_deg), corner) for corner in area.corners)
+                if away_deg > _FAR_DEG:
+                    raise ValueError(f"{name}: has a corner {away_deg:.1f}° from site.origin")
         return self
 
     def to_site(self) -> Site:
@@ -184,15 +275,18 @@ class Settings(_Section):
     def to_airspace(self) -> Airspace:
         """Return the fence and the keep-out areas in the local frame. Raises BadInput for what is no area."""
         frame = self.to_site().frame
+        fence = () if self.fence is None else self.fence.areas()
+        keep_outs = [area for area in fence if area.keep_out]
+        keep_outs += [area for section in self.keep_out for area in section.areas()]
         return Airspace(
-            inside=() if self.fence is None else (_to_polygon(self.fence.inside, frame),),
+            inside=tuple(_to_polygon(area.corners, frame) for area in fence if not area.keep_out),
             keep_outs=tuple(
                 KeepOut(
-                    polygon=_to_polygon(area.polygon, frame),
+                    polygon=_to_polygon(area.corners, frame),
                     floor_m=-math.inf if area.floor_m is None else area.floor_m,
                     ceiling_m=math.inf if area.ceiling_m is None else area.ceiling_m,
                 )
-                for area in self.keep_out
+                for area in keep_outs
             ),
         )
 
@@ -212,28 +306,81 @@ def _to_polygon(corners: tuple[Corner, ...], frame: LocalFrame) -> Polygon:
     return tuple((float(east), float(north)) for east, north, _ in places)
 
 
-def read_settings(path: Path) -> Settings:
-    """Read FLEET.toml. Raises BadInput that names the field and the value of the first fault."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """Something wrong with FLEET.toml; ``line`` is where the field, or the table it belongs to, is written."""
+
+    field: str
+    problem: str
+    line: int | None = None
+
+    def __str__(self) -> str:
+        return f"{self.field}: {self.problem}"
+
+
+def check_settings(path: Path) -> tuple[Settings | None, tuple[Fault, ...]]:
+    """Read FLEET.toml; return the settings, or None and everything that is wrong with them."""
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput("--config", f"cannot read {str(path)!r}: {error}") from error
+        return None, (Fault(field="--config", problem=f"cannot read {str(path)!r}: {error}"),)
     try:
-        return Settings.model_validate(tomllib.loads(text))
+        settings = Settings.model_validate(tomllib.loads(text), context=path.parent)
     except tomllib.TOMLDecodeError as error:
-        raise BadInput(str(path), f"not TOML: {error}") from error
+        return None, (Fault(field=str(path), problem=f"not TOML: {error}"),)
     except ValidationError as error:
-        raise BadInput(*first_fault(error)) from error
+        lines = _lines(text)
+        return None, tuple(
+            Fault(field=field, problem=problem, line=_line_of(field, lines)) for field, problem in _faults(error)
+        )
+    return settings, ()
+
+
+def read_settings(path: Path) -> Settings:
+    """Read FLEET.toml. Raises BadInput that names the field and the value of the first fault."""
+    settings, faults = check_settings(path)
+    if settings is None:
+        more = f" (and {len(faults) - 1} more: hsop-gcs check-config {path})" if len(faults) > 1 else ""
+        raise BadInput(faults[0].field, faults[0].problem + more)
+    return settings
 
 
 def first_fault(error: ValidationError) -> tuple[str, str]:
     """Return the field of the first fault (``hosts.0.system_id``), and what is wrong with which value."""
-    fault = error.errors(include_url=False)[0]
-    field = ".".join(str(part) for part in fault["loc"]) or "input"
-    problem = fault["msg"].removeprefix("Value error, ")
-    value = fault.get("input")
-    shown = "" if fault["type"] in ("missing", "value_error") else f" (given: {_short(value)})"
-    return field, problem[:1].lower() + problem[1:] + shown
+    return next(_faults(error))
+
+
+def _faults(error: ValidationError) -> Iterator[tuple[str, str]]:
+    for fault in error.errors(include_url=False):
+        field = ".".join(str(part) for part in fault["loc"]) or "input"
+        problem = fault["msg"].removeprefix("Value error, ")
+        shown = "" if fault["type"] in ("missing", "value_error") else f" (given: {_short(fault.get('input'))})"
+        yield field, problem[:1].lower() + problem[1:] + shown
+
+
+def _lines(text: str) -> dict[str, int]:
+    """The line of every table and key that is written on a line of its own, by its name as faults have it."""
+    lines: dict[str, int] = {}
+    table, seen = "", Counter[str]()
+    for number, line in enumerate(text.splitlines(), start=1):
+        header = re.match(r"\s*(\[\[?)\s*([\w.\s-]+?)\s*\]", line)
+        key = re.match(r"\s*([\w.-]+)\s*=", line)
+        if header is not None:
+            table = header[2]
+            if header[1] == "[[":
+                table = f"{header[2]}.{seen[header[2]]}"
+                seen[header[2]] += 1
+            lines.setdefault(header[2], number)
+            lines[table] = number
+        elif key is not None:
+            lines[f"{table}.{key[1]}" if table else key[1]] = number
+    return lines
+
+
+def _line_of(field: str, lines: dict[str, int]) -> int | None:
+    while field and field not in lines:
+        field = field.rpartition(".")[0]
+    return lines.get(field)
 
 
 def _short(value: object) -> str:

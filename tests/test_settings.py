@@ -1,13 +1,16 @@
 """FLEET.toml: what is read, and how faults are told."""
 
+import json
 import math
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from hsop_gcs.errors import BadInput
 from hsop_gcs.mission.state import Autonomy
-from hsop_gcs.settings import read_settings
+from hsop_gcs.settings import check_settings, read_settings
 
 GOOD = """
 [site]
@@ -90,3 +93,79 @@ def test_a_fault_names_the_field_and_the_value(tmp_path: Path, change: tuple[str
 def test_a_file_that_is_not_there_is_said_so(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="--config: cannot read"):
         read_settings(tmp_path / "none.toml")
+
+
+def test_all_faults_are_told_at_once_each_with_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "FLEET.toml"
+    text = GOOD.replace("lat_deg = 47.3977", "lat_deg = 95").replace('id = "h2"', 'id = "h1"')
+    path.write_text(text + '\n[limits]\nfloor_m = 50\nceiling_m = 40\n\n[fence]\nfile = "none.kml"\n')
+    settings, faults = check_settings(path)
+    assert settings is None
+    lines = path.read_text().splitlines()
+    told = {fault.field: (fault.problem, lines[(fault.line or 0) - 1]) for fault in faults}
+    assert set(told) == {"site.origin.lat_deg", "hosts", "limits", "fence.file"}
+    assert told["site.origin.lat_deg"][1].startswith("origin =")
+    assert told["limits"] == ("floor_m 50 must be below ceiling_m 40", "[limits]")
+    assert "none.kml: cannot be read" in told["fence.file"][0]
+    assert told["fence.file"][1] == 'file = "none.kml"'
+    with pytest.raises(BadInput, match=r"and 3 more: hsop-gcs check-config"):
+        read_settings(path)
+
+
+def test_areas_come_from_files_beside_the_fleet_file(tmp_path: Path) -> None:
+    plan = {
+        "fileType": "Plan",
+        "geoFence": {
+            "polygons": [{"inclusion": True, "polygon": [[47.39, 8.54], [47.41, 8.54], [47.41, 8.56], [47.39, 8.56]]}],
+            "circles": [{"inclusion": False, "circle": {"center": [47.3977, 8.5456], "radius": 30}}],
+        },
+    }
+    ring = [[8.5476, 47.3977], [8.5478, 47.3977], [8.5478, 47.3979], [8.5476, 47.3977]]
+    tower = {"type": "Polygon", "coordinates": [ring]}
+    (tmp_path / "site.plan").write_text(json.dumps(plan))
+    (tmp_path / "tower.geojson").write_text(json.dumps(tower))
+    path = tmp_path / "FLEET.toml"
+    path.write_text(GOOD + '\n[fence]\nfile = "site.plan"\n[[keep_out]]\nfile = "tower.geojson"\nceiling_m = 25.0\n')
+    airspace = read_settings(path).to_airspace()
+    assert airspace.fence_room_m((0.0, 0.0, 40.0)) > 400
+    circle, tower_area = airspace.keep_outs
+    assert circle.room_m((0.0, 0.0, 40.0)) == pytest.approx(-30.0, abs=0.2)
+    assert (len(tower_area.polygon), tower_area.ceiling_m) == (3, 25.0)
+
+
+@pytest.mark.parametrize(
+    ("areas", "message"),
+    [
+        ("[fence]", "fence: needs inside or file"),
+        ("[fence]\ninside = [[8.54, 47.39], [8.56, 47.39], [8.56, 47.41]]", r"fence: has a corner 54\.\d° from site"),
+        ("[fence]\ninside = [[47.39, 8.54], [47.41, 8.56], [47.41, 8.54], [47.39, 8.56]]", "fence.inside: is no area"),
+        ("[[keep_out]]\nfloor_m = 3", "keep_out.0: needs polygon or file"),
+        (
+            "[[keep_out]]\npolygon = [[47.39, 8.54], [47.41, 8.56], [47.41, 8.54]]\nfloor_m = 9\nceiling_m = 8",
+            "keep_out.0: floor_m 9 must be below ceiling_m 8",
+        ),
+    ],
+)
+def test_an_area_nobody_can_mean_is_a_fault(tmp_path: Path, areas: str, message: str) -> None:
+    with pytest.raises(BadInput, match=message):
+        read(tmp_path, GOOD + "\n" + areas)
+
+
+def check(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "hsop_gcs", "check-config", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+def test_the_command_sums_up_a_good_file_and_lists_the_faults_of_a_bad_one(tmp_path: Path) -> None:
+    path = tmp_path / "FLEET.toml"
+    path.write_text(GOOD)
+    good = check(str(path))
+    assert (good.returncode, good.stderr) == (0, "")
+    assert "h2: system 2, udpout:127.0.0.1:14582" in good.stdout
+    path.write_text(GOOD.replace("lat_deg = 47.3977", "lat_deg = 95").replace("system_id = 2", "system_id = 0"))
+    bad = check(str(path))
+    assert (bad.returncode, bad.stdout) == (2, "")
+    assert [line.split(": ")[1] for line in bad.stderr.splitlines()] == ["site.origin.lat_deg", "hosts.1.system_id"]
+    assert f"{path}:12: hosts.1.system_id" in bad.stderr
+    faults = json.loads(check(str(path), "--json").stdout)["faults"]
+    assert [fault["field"] for fault in faults] == ["site.origin.lat_deg", "hosts.1.system_id"]
