@@ -13,7 +13,8 @@ class Host:
     system_id: int
     """Its MAVLink system id, 1..255."""
     connection: str
-    """``udpin:HOST:PORT`` to listen there, ``udpout:HOST:PORT`` to speak first."""
+    """``udpin:HOST:PORT`` to listen there, ``udpout:HOST:PORT`` or ``tcp:HOST:PORT`` to speak first, or
+    ``serial:DEVICE:BAUD``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -28,6 +28,7 @@ from hsop_gcs.cameras.rig import CameraRig
 from hsop_gcs.errors import BadInput
 from hsop_gcs.fleet import Fleet, FlightLimits, Host
 from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
+from hsop_gcs.link.endpoint import parse_endpoint
 from hsop_gcs.mission.core import Rules
 from hsop_gcs.mission.pipeline import PlanningRules, TargetError
 from hsop_gcs.mission.state import Autonomy, ReplanRules
@@ -209,10 +210,17 @@ class RigSection(_Section):
     central: CentralSection = CentralSection()
 
 
+def _connection(text: str) -> str:
+    try:
+        return str(parse_endpoint(text))
+    except BadInput as error:
+        raise ValueError(error.problem) from error
+
+
 class HostSection(_Section):
     id: Annotated[str, Field(min_length=1, max_length=64)]
     system_id: Annotated[int, Field(ge=1, le=250)]
-    connection: Annotated[str, Field(pattern=r"^udp(in|out):[^:\s]+:\d{1,5}$")]
+    connection: Annotated[str, AfterValidator(_connection)]
 
 
 class Settings(_Section):

@@ -72,7 +72,8 @@ ceiling_m = 30.0
         (("lat_deg = 47.3977", "lat_deg = nan"), r"site\.origin\.lat_deg: .*nan"),
         (("system_id = 2", "system_id = 1"), "hosts|input: two hosts have system_id 1"),
         (('id = "h2"', 'id = "h1"'), "two hosts have id 'h1'"),
-        (("udpout:127.0.0.1:14582", "tcp:127.0.0.1"), r"hosts\.1\.connection: .*tcp:127\.0\.0\.1"),
+        (("udpout:127.0.0.1:14582", "tcp:127.0.0.1"), r"hosts\.1\.connection: 'tcp:127\.0\.0\.1' is none of udpin"),
+        (("udpout:127.0.0.1:14582", "serial:/dev/ttyS0:9"), r"hosts\.1\.connection: baud rate 9 in .* is not 1200"),
         (("[site]", "[planning]\nhosts = 1\n[site]"), r"planning\.hosts"),
         (
             ("[site]", "[service]\nautonomy = 'yolo'\n[site]"),

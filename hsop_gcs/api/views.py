@@ -117,6 +117,7 @@ def health_out(mission: Mission, started_at_s: float) -> HealthOut:
     problems = [f"host {host_id}: {reason}" for host_id, reason in unavailable.items()]
     if not mission.link.running:
         problems.append("link: the pump has stopped")
+    problems += [f"link {problem}" for problem in mission.link.problems]
     if mission.journal_fault is not None:
         problems.append(f"journal: {mission.journal_fault}")
     if mission.tlog is not None and mission.tlog.fault is not None:

@@ -97,6 +97,11 @@ class Decoder:
         frames, self._rest = self._scan(self._rest + data, more_may_come=True)
         return frames
 
+    def forget_partial(self) -> None:
+        """Give up the frame a stream has begun: the connection ended."""
+        self.counters.skipped_bytes += len(self._rest)
+        self._rest = b""
+
     @property
     def pending_bytes(self) -> int:
         """How much of an incomplete frame a stream has left behind; less than one longest frame."""

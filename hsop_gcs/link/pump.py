@@ -12,11 +12,12 @@ from typing import Self
 
 from hsop_gcs.errors import BadInput
 from hsop_gcs.geometry.frames import Aim
+from hsop_gcs.link.endpoint import Address, parse_endpoint
 from hsop_gcs.link.events import Event
 from hsop_gcs.link.identity import GROUND_STATION, Identity
 from hsop_gcs.link.protocol.hover import HoverOrder
 from hsop_gcs.link.router import LinkCounters, Peer, Router, Stranger, VehicleLink
-from hsop_gcs.link.transports import Address, UdpTransport, parse_endpoint
+from hsop_gcs.link.transports import transport_for
 from hsop_gcs.link.vehicle import Vehicle, VehicleLimits
 
 _MOST_WAITING = 4096
@@ -24,9 +25,9 @@ _LONGEST_SLEEP_S = 0.1
 
 
 class Link:
-    """All vehicles of a fleet over their UDP endpoints.
+    """All vehicles of a fleet over their endpoints.
 
-    endpoints: ``udpin:HOST:PORT`` or ``udpout:HOST:PORT``, shared by any number of vehicles. systems: the MAVLink
+    endpoints: as ``parse_endpoint`` reads them, each shared by any number of vehicles. systems: the MAVLink
     ids of the fleet. clock: seconds, monotonic; by default the event loop's. on_event: called from the pump for every
     event; without it they are put on ``events``. on_frame: called with every raw frame received and sent.
     Raises BadInput for an endpoint or id that is none.
@@ -51,9 +52,10 @@ class Link:
             raise BadInput("system", f"{sorted(ids)} names one vehicle twice")
         self.events: asyncio.Queue[Event] = asyncio.Queue()
         self._transports = [
-            UdpTransport(parse_endpoint(text), self._datagram_handler(number)) for number, text in enumerate(endpoints)
+            transport_for(parse_endpoint(text), self._bytes_handler(number)) for number, text in enumerate(endpoints)
         ]
-        self._router = Router(ids, own=own, limits=limits)
+        streams = {number for number, each in enumerate(self._transports) if each.endpoint.is_stream}
+        self._router = Router(ids, own=own, limits=limits, streams=streams)
         self._clock = clock
         self._on_event = on_event or self.events.put_nowait
         self._on_frame = on_frame
@@ -71,7 +73,7 @@ class Link:
                 if remote is not None:
                     self._router.greet(Peer(number, *remote))
         except BaseException:
-            self._close_transports()
+            await self._close_transports()
             raise
         self._clock = self._clock or asyncio.get_running_loop().time
         self._pump = asyncio.create_task(self._run(), name="link pump")
@@ -89,7 +91,7 @@ class Link:
                     if current is not None and current.cancelling():
                         raise
         finally:
-            self._close_transports()
+            await self._close_transports()
 
     async def __aenter__(self) -> Self:
         await self.open()
@@ -126,13 +128,18 @@ class Link:
         return self._router.strangers
 
     @property
+    def problems(self) -> tuple[str, ...]:
+        """Which endpoints cannot carry anything now, and why, for a person."""
+        return tuple(f"{each.endpoint}: {each.problem}" for each in self._transports if each.problem is not None)
+
+    @property
     def dropped_datagrams(self) -> int:
-        """Datagrams that came faster than the pump could take them."""
+        """Datagrams, or pieces of a stream, that came faster than the pump could take them."""
         return self._dropped
 
     @property
     def send_errors(self) -> int:
-        """Datagrams the network refused."""
+        """Frames that the network refused, or that found a line down or full."""
         return sum(transport.errors for transport in self._transports)
 
     @property
@@ -177,15 +184,15 @@ class Link:
             raise BadInput("system", f"{system} is not in the fleet {sorted(self._router.vehicles)}")
         return vehicle
 
-    def _datagram_handler(self, number: int) -> Callable[[bytes, Address], None]:
-        def on_datagram(data: bytes, address: Address) -> None:
+    def _bytes_handler(self, number: int) -> Callable[[bytes, Address], None]:
+        def on_bytes(data: bytes, address: Address) -> None:
             if len(self._waiting) >= _MOST_WAITING:
                 self._dropped += 1
                 return
             self._waiting.append((data, Peer(number, *address)))
             self._stir.set()
 
-        return on_datagram
+        return on_bytes
 
     async def _run(self) -> None:
         loop = asyncio.get_running_loop()
@@ -201,8 +208,8 @@ class Link:
     def _turn(self) -> None:
         """Read what came, let the machines work, send what they made."""
         while self._waiting:
-            datagram, peer = self._waiting.popleft()
-            for frame in self._router.receive(datagram, peer, self.now()):
+            data, peer = self._waiting.popleft()
+            for frame in self._router.receive(data, peer, self.now()):
                 if self._on_frame is not None:
                     self._on_frame(frame.raw)
         self._router.advance(self.now())
@@ -213,6 +220,6 @@ class Link:
         for event in self._router.take_events():
             self._on_event(event)
 
-    def _close_transports(self) -> None:
+    async def _close_transports(self) -> None:
         for transport in self._transports:
-            transport.close()
+            await transport.close()

@@ -9,7 +9,7 @@ heartbeat came from:
 Without I/O, like the machines below it: a recording can be played through it with any clock.
 """
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from dataclasses import dataclass
 
 from hsop_gcs.link.codec import Decoder, DecoderCounters, Encoder, Frame
@@ -89,9 +89,16 @@ class Router:
     """Owns the vehicles, our heartbeat, and what is known of every peer."""
 
     def __init__(
-        self, systems: Iterable[int], *, own: Identity = GROUND_STATION, limits: VehicleLimits | None = None
+        self,
+        systems: Iterable[int],
+        *,
+        own: Identity = GROUND_STATION,
+        limits: VehicleLimits | None = None,
+        streams: Container[int] = (),
     ) -> None:
+        """streams: which transports carry bytes without the bounds of datagrams."""
         self.own = own
+        self._streams = streams
         self.vehicles = {system: Vehicle(system, own=own, limits=limits) for system in systems}
         self._heartbeat = OwnHeartbeat()
         self._always: list[Peer] = []
@@ -107,15 +114,18 @@ class Router:
         """Send our heartbeat to this peer although nothing was heard from it yet."""
         self._always.append(peer)
 
-    def receive(self, datagram: bytes, peer: Peer, now: float) -> list[Frame]:
-        """Take a datagram; returns the frames that were found in it, for a recording."""
+    def receive(self, data: bytes, peer: Peer, now: float) -> list[Frame]:
+        """Take a datagram, or a piece of a stream (empty: it ended); returns the frames found, for a recording."""
         decoder = self._decoders.get(peer)
         if decoder is None:
             if len(self._decoders) >= _MOST_PEERS and not self._forget_a_peer():
                 self._turned_away += 1
                 return []
             decoder = self._decoders[peer] = Decoder()
-        frames = decoder.feed_datagram(datagram)
+        stream = peer.transport in self._streams
+        if stream and not data:
+            decoder.forget_partial()
+        frames = decoder.feed_stream(data) if stream else decoder.feed_datagram(data)
         for frame in frames:
             lost = self._missing_before(frame, peer)
             self._lost += lost

@@ -1,51 +1,59 @@
-"""UDP: the only transport there is, in two directions of speaking first.
-
-``udpin:HOST:PORT`` listens and answers where it is spoken to from; ``udpout:HOST:PORT`` speaks first.
-"""
+"""What carries bytes to and from vehicles: UDP here, TCP and serial lines in ``streams``."""
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal
+from typing import Protocol
 
-from hsop_gcs.errors import BadInput, Unavailable
+from hsop_gcs.errors import Unavailable
+from hsop_gcs.link.endpoint import Address, Endpoint
+from hsop_gcs.link.streams import StreamTransport
 
-Address = tuple[str, int]
-
-
-@dataclass(frozen=True, slots=True)
-class Endpoint:
-    """One end of a UDP link, as written in a configuration."""
-
-    kind: Literal["udpin", "udpout"]
-    host: str
-    port: int
-
-    def __str__(self) -> str:
-        return f"{self.kind}:{self.host}:{self.port}"
+OnBytes = Callable[[bytes, Address], None]
+"""Given what arrived and from where; empty bytes say that a stream has ended."""
 
 
-def parse_endpoint(text: str) -> Endpoint:
-    """Read ``udpin:HOST:PORT`` or ``udpout:HOST:PORT``; port 0 of a udpin is any free one. Raises BadInput."""
-    kind, _, rest = text.partition(":")
-    host, _, port_text = rest.rpartition(":")
-    host = host.removeprefix("[").removesuffix("]")
-    if kind not in ("udpin", "udpout") or not host:
-        raise BadInput("link", f"{text!r} is neither udpin:HOST:PORT nor udpout:HOST:PORT")
-    lowest = 0 if kind == "udpin" else 1
-    if not port_text.isascii() or not port_text.isdigit() or not lowest <= int(port_text) <= 65535:
-        raise BadInput("link", f"{port_text!r} in {text!r} is not a port")
-    return Endpoint("udpin" if kind == "udpin" else "udpout", host, int(port_text))
+class Transport(Protocol):
+    """One open endpoint."""
+
+    endpoint: Endpoint
+    errors: int
+    """What the network or the device refused to carry."""
+
+    @property
+    def problem(self) -> str | None:
+        """Why nothing can be carried now, for a person; None if it can."""
+
+    @property
+    def local(self) -> Address:
+        """Our own address."""
+
+    @property
+    def remote(self) -> Address | None:
+        """The only other side there is; None if there may be many."""
+
+    async def open(self) -> None:
+        """Begin to carry. Raises Unavailable for what can never work as configured."""
+
+    def send(self, data: bytes, to: Address) -> None:
+        """Send one frame; what cannot be sent is counted, not raised."""
+
+    async def close(self) -> None:
+        """Stop carrying."""
+
+
+def transport_for(endpoint: Endpoint, on_bytes: OnBytes) -> Transport:
+    """Return what carries bytes over this endpoint."""
+    return StreamTransport(endpoint, on_bytes) if endpoint.is_stream else UdpTransport(endpoint, on_bytes)
 
 
 class UdpTransport(asyncio.DatagramProtocol):
-    """One open UDP socket; what arrives is handed to ``on_datagram`` with its address."""
+    """One open UDP socket; what arrives is handed to ``on_bytes`` with its address."""
 
-    def __init__(self, endpoint: Endpoint, on_datagram: Callable[[bytes, Address], None]) -> None:
+    def __init__(self, endpoint: Endpoint, on_bytes: OnBytes) -> None:
         self.endpoint = endpoint
         self.errors = 0
         """Datagrams the network refused, most often because nobody listens on the other side yet."""
-        self._on_datagram = on_datagram
+        self._on_bytes = on_bytes
         self._transport: asyncio.DatagramTransport | None = None
 
     async def open(self) -> None:
@@ -59,6 +67,11 @@ class UdpTransport(asyncio.DatagramProtocol):
                 self._transport, _ = await loop.create_datagram_endpoint(lambda: self, remote_addr=address)
         except OSError as error:
             raise Unavailable(f"{self.endpoint} cannot be opened: {error.strerror or error}") from error
+
+    @property
+    def problem(self) -> str | None:
+        """A socket that is open can carry."""
+        return None
 
     @property
     def local(self) -> Address:
@@ -79,14 +92,14 @@ class UdpTransport(asyncio.DatagramProtocol):
         else:
             self._transport.sendto(data, to)
 
-    def close(self) -> None:
+    async def close(self) -> None:
         """Close the socket."""
         if self._transport is not None:
             self._transport.close()
 
     def datagram_received(self, data: bytes, addr: tuple[str, int] | tuple[str, int, int, int]) -> None:
         """Called by asyncio."""
-        self._on_datagram(data, (addr[0], addr[1]))
+        self._on_bytes(data, (addr[0], addr[1]))
 
     def error_received(self, exc: Exception) -> None:
         """Called by asyncio, for instance when nobody listens on the other side."""

@@ -12,7 +12,6 @@ from hsop_gcs.link.enums import MavAutopilot, MavComponent, MavType
 from hsop_gcs.link.events import Event, LinkUp
 from hsop_gcs.link.messages import CommandLong, Heartbeat
 from hsop_gcs.link.pump import Link
-from hsop_gcs.link.transports import Endpoint, parse_endpoint
 
 BEAT = Heartbeat(type=MavType.QUADROTOR, autopilot=MavAutopilot.PX4)
 
@@ -50,29 +49,6 @@ async def until(condition: Callable[[], bool]) -> None:
     """Wait until something is so; the test's own time limit ends a vain wait."""
     while not condition():
         await asyncio.sleep(0.005)
-
-
-@pytest.mark.parametrize(
-    ("text", "endpoint"),
-    [
-        ("udpin:0.0.0.0:14550", Endpoint("udpin", "0.0.0.0", 14550)),
-        ("udpin:[::1]:0", Endpoint("udpin", "::1", 0)),
-        ("udpout:vehicle.local:14540", Endpoint("udpout", "vehicle.local", 14540)),
-    ],
-)
-def test_an_endpoint_is_read_from_its_text(text: str, endpoint: Endpoint) -> None:
-    assert parse_endpoint(text) == endpoint
-    assert parse_endpoint(str(Endpoint("udpin", "127.0.0.1", 1))) == Endpoint("udpin", "127.0.0.1", 1)
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["", "udp:1.2.3.4:1", "udpin:14550", "udpin::14550", "udpin:h:65536", "udpin:h:x", "udpin:h:٣", "udpout:h:0"],
-)
-def test_an_endpoint_that_is_none_is_refused(text: str) -> None:
-    with pytest.raises(BadInput) as caught:
-        parse_endpoint(text)
-    assert caught.value.field == "link"
 
 
 @pytest.mark.parametrize("systems", [[0], [256], [255], [1, 2, 1]])

@@ -1,0 +1,59 @@
+"""How a vehicle is reached, as written in a configuration.
+
+``udpin:HOST:PORT`` listens and answers where it is spoken to from; ``udpout:HOST:PORT`` and ``tcp:HOST:PORT`` speak
+first; ``serial:DEVICE:BAUD`` is a telemetry radio or a cable.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from hsop_gcs.errors import BadInput
+
+Address = tuple[str, int]
+"""Host and port; of a serial line, device and baud."""
+
+Kind = Literal["udpin", "udpout", "tcp", "serial"]
+_KINDS: dict[str, Kind] = {kind: kind for kind in get_args(Kind)}
+_FORMS = "udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:DEVICE:BAUD"
+_SLOWEST_BAUD, _FASTEST_BAUD = 1200, 4_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """One end of a link."""
+
+    kind: Kind
+    host: str
+    """Of a serial line: the device."""
+    port: int
+    """Of a serial line: the baud rate."""
+
+    @property
+    def is_stream(self) -> bool:
+        """Whether bytes come without the bounds of datagrams."""
+        return self.kind in ("tcp", "serial")
+
+    def __str__(self) -> str:
+        host = f"[{self.host}]" if ":" in self.host and self.kind != "serial" else self.host
+        return f"{self.kind}:{host}:{self.port}"
+
+
+def parse_endpoint(text: str) -> Endpoint:
+    """Read an endpoint; port 0 of a udpin is any free one. Raises BadInput saying what is wrong with the text."""
+    name, _, rest = text.partition(":")
+    host, _, number = rest.rpartition(":")
+    kind = _KINDS.get(name)
+    if kind is None or not host or any(map(str.isspace, text)):
+        raise BadInput("connection", f"{text!r} is none of {_FORMS}")
+    if not number.isascii() or not number.isdigit():
+        raise BadInput("connection", f"{number!r} in {text!r} is not a {'baud rate' if kind == 'serial' else 'port'}")
+    if kind == "serial":
+        if not _SLOWEST_BAUD <= int(number) <= _FASTEST_BAUD:
+            raise BadInput("connection", f"baud rate {number} in {text!r} is not {_SLOWEST_BAUD} to {_FASTEST_BAUD}")
+        return Endpoint(kind, host, int(number))
+    bare = host.removeprefix("[").removesuffix("]") if host[0] == "[" and host[-1] == "]" else host
+    if not bare or (":" in bare and bare == host):
+        raise BadInput("connection", f"{host!r} in {text!r} is not a host (an IPv6 address needs brackets)")
+    if not (0 if kind == "udpin" else 1) <= int(number) <= 65535:
+        raise BadInput("connection", f"{number!r} in {text!r} is not a port")
+    return Endpoint(kind, bare, int(number))

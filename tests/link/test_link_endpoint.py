@@ -1,0 +1,49 @@
+"""Connection strings."""
+
+import pytest
+
+from hsop_gcs.errors import BadInput
+from hsop_gcs.link.endpoint import Endpoint, parse_endpoint
+
+
+@pytest.mark.parametrize(
+    ("text", "endpoint"),
+    [
+        ("udpin:0.0.0.0:14550", Endpoint("udpin", "0.0.0.0", 14550)),
+        ("udpin:[::1]:0", Endpoint("udpin", "::1", 0)),
+        ("udpout:vehicle.local:14540", Endpoint("udpout", "vehicle.local", 14540)),
+        ("tcp:127.0.0.1:5760", Endpoint("tcp", "127.0.0.1", 5760)),
+        ("serial:/dev/ttyUSB0:57600", Endpoint("serial", "/dev/ttyUSB0", 57600)),
+        ("serial:/dev/serial/by-id/usb-3D:R:921600", Endpoint("serial", "/dev/serial/by-id/usb-3D:R", 921600)),
+    ],
+)
+def test_an_endpoint_is_read_from_its_text_and_written_back(text: str, endpoint: Endpoint) -> None:
+    assert parse_endpoint(text) == endpoint
+    assert str(endpoint) == text
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("", "none of udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:DEVICE:BAUD"),
+        ("udp:1.2.3.4:1", "'udp:1.2.3.4:1' is none of"),
+        ("udpin:14550", "none of"),
+        ("udpin::14550", "none of"),
+        ("udpin:a host:1", "none of"),
+        ("udpin:h:65536", "'65536' in 'udpin:h:65536' is not a port"),
+        ("udpin:h:x", "'x' in 'udpin:h:x' is not a port"),
+        ("udpin:h:٣", "not a port"),
+        ("udpout:h:0", "not a port"),
+        ("tcp:127.0.0.1", "none of"),
+        ("tcp:h:0", "not a port"),
+        ("tcp:::1:5760", "IPv6 address needs brackets"),
+        ("serial:/dev/ttyUSB0", "none of"),
+        ("serial:/dev/ttyUSB0:fast", "'fast' in 'serial:/dev/ttyUSB0:fast' is not a baud rate"),
+        ("serial:/dev/ttyUSB0:300", "baud rate 300"),
+    ],
+)
+def test_an_endpoint_that_is_none_is_refused_with_what_is_wrong(text: str, problem: str) -> None:
+    with pytest.raises(BadInput) as caught:
+        parse_endpoint(text)
+    assert caught.value.field == "connection"
+    assert problem in caught.value.problem
