@@ -19,9 +19,12 @@ class BadInput(HsopError):
     """A value that cannot be used."""
 
     def __init__(self, field: str, problem: str) -> None:
-        super().__init__(f"{field}: {problem}")
+        super().__init__(field, problem)  # its own arguments: so it can be pickled, and leave a worker process
         self.field = field
         self.problem = problem
+
+    def __str__(self) -> str:
+        return f"{self.field}: {self.problem}"
 
 
 class NotKnown(HsopError):

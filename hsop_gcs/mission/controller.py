@@ -34,6 +34,7 @@ from hsop_gcs.mission.core import (
     MissionStarted,
     MissionState,
     PlanFlew,
+    ProposalRefused,
     RaysArrived,
     ReportsArrived,
     Rules,
@@ -62,7 +63,6 @@ _EVENTS_KEPT = 500
 _LEG_REACHED_M = 3.0
 """So near to a point of its route a host is sent on; routes keep more than this in hand."""
 _LEG_DEADLINE_S = 5.0
-_TRY_AGAIN_S = 1.0
 _POSE_STEP_S = 0.025
 
 log = logging.getLogger(__name__)
@@ -112,7 +112,6 @@ class Mission:
         self._solver = solver
         self._solving: asyncio.Task[None] | None = None
         self._changed = asyncio.Event()
-        self._next_flight_s = 0.0
         self._poses = {host.id: PoseHistory() for host in fleet.hosts}
         self._take(MissionStarted(time_s=clock(), rules=rules or Rules()))
 
@@ -153,7 +152,9 @@ class Mission:
         self._changed.set()
 
     def approve(self, plan_id: str) -> Plan:
-        """Let the proposed plan fly. Raises NotKnown, or Refused if it is not the proposal any more or not safe now."""
+        """Let the proposed plan fly. Raises NotKnown, or Refused if it is not the proposal any more or not safe now:
+        then another one is made.
+        """
         plans = self.state.plans
         plan = plans.proposed
         known = {each.id for each in (plan, plans.flying, plans.failed) if each is not None}
@@ -231,7 +232,7 @@ class Mission:
     def _advance(self, tasks: asyncio.TaskGroup) -> None:
         now_s = self.clock()
         self._age(now_s)
-        self._fly_unasked(now_s)
+        self._fly_unasked()
         self._fly_on(now_s)
         self._follow_threats(now_s)
         if self._solving is None:
@@ -274,11 +275,23 @@ class Mission:
             self._changed.set()
 
     def _fly(self, plan: Plan) -> None:
-        """Send the proposed plan's orders, all or none."""
+        """Send the proposed plan's orders, all or none. If one cannot fly now, the proposal is over: raises Refused."""
         now_s = self.clock()
-        planning = self.state.rules.planning
+        try:
+            via_m = self._ways(plan, now_s)
+        except Refused as error:
+            self._take(ProposalRefused(time_s=now_s, reason=str(error)))
+            self._changed.set()
+            raise
+        self._take(PlanFlew(time_s=now_s, plan_id=plan.id, via_m=via_m))
+        for order in plan.decision.orders:
+            self._send(self.state.progress[order.host], for_s=plan.expires_at_s - now_s)
+
+    def _ways(self, plan: Plan, now_s: float) -> dict[str, tuple[Point, ...]]:
+        """Return the points each host of a plan flies by, past threats. Raises Refused if one cannot fly now."""
         if now_s > plan.expires_at_s:
             raise Refused(f"plan {plan.id} ran out {now_s - plan.expires_at_s:.1f} s ago")
+        planning = self.state.rules.planning
         movers = {mover.id: mover for mover in self._movers()}
         threats = situation(self.state, (), now_s).threats
         via_m = {}
@@ -298,19 +311,16 @@ class Mission:
                     " all threats any more"
                 )
             via_m[order.host] = route.points_m[:-1]
-        self._take(PlanFlew(time_s=now_s, plan_id=plan.id, via_m=via_m))
-        for order in plan.decision.orders:
-            self._send(self.state.progress[order.host], for_s=plan.expires_at_s - now_s)
+        return via_m
 
-    def _fly_unasked(self, now_s: float) -> None:
-        """In auto, let a proposal fly as soon as it can."""
+    def _fly_unasked(self) -> None:
+        """In auto, let a proposal fly."""
         proposed = self.state.plans.proposed
-        if self.state.autonomy is not Autonomy.AUTO or proposed is None or now_s < self._next_flight_s:
+        if self.state.autonomy is not Autonomy.AUTO or proposed is None:
             return
         try:
             self._fly(proposed)
         except Refused as error:
-            self._next_flight_s = now_s + _TRY_AGAIN_S
             log.warning("plan %s does not fly: %s", proposed.id, error)
 
     def _fly_on(self, now_s: float) -> None:

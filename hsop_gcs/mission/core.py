@@ -26,6 +26,7 @@ from hsop_gcs.mission.state import (
     ready,
     with_decision,
     with_proposal_flying,
+    with_proposal_refused,
     without_threats,
 )
 from hsop_gcs.placement.problem import Point, Threat
@@ -107,6 +108,13 @@ class PlanFlew(Input):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ProposalRefused(Input):
+    """The proposed plan was to fly and could not: a host or its safe way had gone."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LegFlown(Input):
     """A host has come to a point of its route and is about to be sent to the next."""
 
@@ -175,6 +183,8 @@ def apply(mission: MissionState, given: Input) -> MissionState:
             return _with_decision(mission, given)
         case PlanFlew(via_m=via_m):
             return _with_plan_flying(mission, via_m)
+        case ProposalRefused(reason=reason):
+            return replace(mission, plans=with_proposal_refused(mission.plans, reason))
         case LegFlown(host=host):
             progress = mission.progress[host]
             return _with_progress(mission, host, replace(progress, leg=progress.leg + 1))

@@ -225,7 +225,7 @@ def _host_count(problem: Problem, rules: PlanningRules) -> int | None:
     if rules.hosts == "fewest" or isinstance(rules.hosts, TargetError):
         return None
     wanted = len(problem.hosts) if rules.hosts == "all" else int(rules.hosts)
-    return min(wanted, 2 * len(problem.threats))
+    return max(2, min(wanted, 2 * len(problem.threats)))
 
 
 def _target_m(rules: PlanningRules) -> float | None:

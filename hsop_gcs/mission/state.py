@@ -2,8 +2,8 @@
 
         a decision            approve(id) or autonomy auto
 (none) ────────────▶ proposed ────────────────────────────▶ flying
-                        │ a newer decision, or its             │ a newer plan flies, or
-                        │ window is over                       │ all its threats are gone
+                        │ a newer decision, its window is      │ a newer plan flies, or
+                        │ over, or it is not safe any more     │ all its threats are gone
                         ▼                                      ▼
                      replaced                                 over
 """
@@ -147,6 +147,14 @@ def with_proposal_flying(plans: Plans) -> Plans:
     if plans.proposed is None:
         raise ValueError("no plan is proposed")
     return replace(plans, flying=plans.proposed, proposed=None)
+
+
+def with_proposal_refused(plans: Plans, reason: str) -> Plans:
+    """Return the plans of which the proposed one cannot fly any more. Raises ValueError if there is none."""
+    if plans.proposed is None:
+        raise ValueError("no plan is proposed")
+    plan = plans.proposed
+    return replace(plans, proposed=None, failed=replace(plan, decision=replace(plan.decision, reason=reason)))
 
 
 def without_threats(plans: Plans) -> Plans:

@@ -42,6 +42,13 @@ def test_fewest_all_and_a_number_place_so_many_hosts() -> None:
     assert counts == [2, 4, 3, 4]
 
 
+@pytest.mark.parametrize(("hosts", "reason"), [(0, "0 can be sent"), (1, "1 host is available")])
+def test_too_few_hosts_for_any_plan_are_an_answer(hosts: int, reason: str) -> None:
+    decision = decided(situation(2, hosts), "all")
+    assert decision.orders == ()
+    assert reason in decision.reason
+
+
 def test_a_target_error_takes_no_more_hosts_than_it_needs() -> None:
     asked = situation(3, 6)
     target_m = 1.01 * worst_error_m(decided(asked, 5).placement)

@@ -5,7 +5,9 @@ from dataclasses import replace
 import pytest
 
 from hsop_gcs.assignment import HostOrder
+from hsop_gcs.mission.core import MissionState, ProposalRefused, apply
 from hsop_gcs.mission.pipeline import Decision, Sigma, Situation
+from hsop_gcs.mission.records import from_record, to_record
 from hsop_gcs.mission.state import (
     Plans,
     ReplanRules,
@@ -142,6 +144,16 @@ def test_a_newer_plan_replaces_a_proposal() -> None:
     newer = with_decision(planned(), decision(), asked=asked(), trigger="", now_s=111.0, horizon_s=10.0)
     assert newer.proposed is not None
     assert newer.proposed.id == "P2"
+
+
+def test_a_proposal_that_cannot_fly_any_more_is_over_and_another_one_is_made() -> None:
+    mission = MissionState(plans=planned())
+    given = ProposalRefused(time_s=103.0, reason="host h2 has no way")
+    after = apply(mission, from_record(*to_record(given), given.time_s)).plans
+    assert after.proposed is None
+    assert after.failed is not None
+    assert after.failed.decision.reason == "host h2 has no way"
+    assert replan_reason(after, (track("t1", 103, 3),), HOSTS, 103.1, RULES) == "no plan yet"
 
 
 def test_nothing_to_approve_is_a_caller_s_mistake() -> None:
