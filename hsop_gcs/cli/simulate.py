@@ -8,11 +8,18 @@ from urllib.parse import urlsplit
 import typer
 
 from hsop_gcs.errors import BadInput
+from hsop_gcs.simulator.faults import FORM, MEANING, parse_fault
 
 if TYPE_CHECKING:
     from hsop_gcs.geometry.frames import GeodeticPoint
     from hsop_gcs.simulator.fleet import SimulatedFleet
     from hsop_gcs.simulator.lookout import Lookout
+
+_FAULT_HELP = (
+    f"A fault, repeatable: {FORM}. VEHICLE: h2 or 2; without it, all. START, LENGTH: simulated seconds. "
+    + "; ".join(f"{kind}: {meaning}" for kind, meaning in MEANING.items())
+    + ". Such as h2:reject=DO_REPOSITION,count=2 or link-cut@30+10."
+)
 
 
 def register(app: typer.Typer) -> None:
@@ -41,7 +48,19 @@ def register(app: typer.Typer) -> None:
         speed: Annotated[float, typer.Option(help="Simulated seconds per second.")] = 1.0,
         loss: Annotated[float, typer.Option(help="Share of datagrams lost, each way.")] = 0.0,
         delay_ms: Annotated[float, typer.Option(help="Delay of datagrams, each way.")] = 0.0,
-        seed: Annotated[int, typer.Option(help="Of wandering, losses and the noise on images.")] = 0,
+        jitter_ms: Annotated[float, typer.Option(help="The delay is this much more or less, uniformly.")] = 0.0,
+        duplication: Annotated[float, typer.Option(help="Share of datagrams that come twice.")] = 0.0,
+        reordering: Annotated[float, typer.Option(help="Share of datagrams held back behind later ones.")] = 0.0,
+        wind: Annotated[
+            str, typer.Option(help="SPEED,FROM_DEG,GUST: m/s, compass, standard deviation of gusts in m/s.")
+        ] = "0,0,0",
+        gps_offset: Annotated[str, typer.Option(help="EAST,NORTH,UP of every position fix, metres.")] = "0,0,0",
+        gps_noise_m: Annotated[float, typer.Option(help="Standard deviation of a slow error of fixes, metres.")] = 0.0,
+        battery: Annotated[float, typer.Option(help="Charge at the start, percent.")] = 100.0,
+        endurance_min: Annotated[float, typer.Option(help="Flight time on a full battery.")] = 25.0,
+        gimbal_rate_dps: Annotated[float, typer.Option(help="How fast a gimbal turns, degrees a second.")] = 120.0,
+        fault: Annotated[list[str] | None, typer.Option(help=_FAULT_HELP)] = None,
+        seed: Annotated[int, typer.Option(help="Of gusts, noise, wandering, losses and the noise on images.")] = 0,
         truth: Annotated[
             Path | None, typer.Option(help="True threats (JSON) for the vehicles' cameras to see; see --detections-to.")
         ] = None,
@@ -66,9 +85,12 @@ def register(app: typer.Typer) -> None:
         import asyncio
         import time
 
+        from hsop_gcs.simulator.battery import BatteryConfig
         from hsop_gcs.simulator.channel import Impairment
+        from hsop_gcs.simulator.disturbances import GpsError, Wind
         from hsop_gcs.simulator.fleet import Autopilot, FleetConfig, SimulatedFleet, grid, places
         from hsop_gcs.simulator.flight import FlightLimits
+        from hsop_gcs.simulator.gimbal import GimbalLimits
 
         if autopilot not in list(Autopilot):
             raise BadInput("--autopilot", f"{autopilot!r} is neither px4 nor ardupilot")
@@ -80,6 +102,18 @@ def register(app: typer.Typer) -> None:
         _within("--speed", speed, 0.01, 100)
         _within("--loss", loss, 0, 1)
         _within("--delay-ms", delay_ms, 0, 60_000)
+        _within("--jitter-ms", jitter_ms, 0, delay_ms)
+        _within("--duplication", duplication, 0, 1)
+        _within("--reordering", reordering, 0, 1)
+        wind_mps, wind_from_deg, gust_mps = _numbers("--wind", wind, "SPEED,FROM_DEG,GUST")
+        _within("--wind", wind_mps, 0, 50)
+        _within("--wind", wind_from_deg, 0, 360)
+        _within("--wind", gust_mps, 0, 20)
+        offset_east_m, offset_north_m, offset_up_m = _numbers("--gps-offset", gps_offset, "EAST,NORTH,UP")
+        _within("--gps-noise-m", gps_noise_m, 0, 100)
+        _within("--battery", battery, 1, 100)
+        _within("--endurance-min", endurance_min, 0.1, 10_000)
+        _within("--gimbal-rate-dps", gimbal_rate_dps, 1, 10_000)
         _within("--seed", seed, 0, 2**63)
         _within("--local-port", local_port, 0, 65536 - vehicles)
         home = _origin(origin)
@@ -102,7 +136,18 @@ def register(app: typer.Typer) -> None:
             airborne_m=airborne,
             ready_after_s=ready_after_s,
             flight=FlightLimits(cruise_mps=speed_mps, max_speed_mps=max(15.0, speed_mps)),
-            impairment=Impairment(loss=loss, delay_s=delay_ms * 1e-3),
+            gimbal=GimbalLimits(slew_rad_s=math.radians(gimbal_rate_dps)),
+            battery=BatteryConfig(endurance_s=endurance_min * 60, percent=battery),
+            wind=Wind(speed_mps=wind_mps, from_deg=wind_from_deg, gust_mps=gust_mps),
+            gps=GpsError(offset_m=(offset_east_m, offset_north_m, offset_up_m), noise_m=gps_noise_m),
+            faults=[parse_fault(text, vehicles) for text in fault or ()],
+            impairment=Impairment(
+                loss=loss,
+                duplication=duplication,
+                reordering=reordering,
+                delay_s=delay_ms * 1e-3,
+                jitter_s=jitter_ms * 1e-3,
+            ),
             seed=seed,
             speed=speed,
         )
@@ -161,6 +206,8 @@ async def _run(fleet: "SimulatedFleet", lookout: "Lookout | None", *, exit_with_
             task.result()
     finally:
         await fleet.close()
+        if fleet.lost:
+            typer.echo(f"link: {fleet.lost} datagrams not carried")
         if lookout is not None:
             typer.echo(str(lookout.tally))
 

@@ -111,6 +111,14 @@ class MavLandedState(IntEnum):
     LANDING = 4
 
 
+class MavBatteryChargeState(IntEnum):
+    UNDEFINED = 0
+    OK = 1
+    LOW = 2
+    CRITICAL = 3
+    EMERGENCY = 4
+
+
 class MavSeverity(IntEnum):
     EMERGENCY = 0
     ALERT = 1

@@ -10,13 +10,13 @@ Sources: a recording of 4.7.0-dev; ArduCopter GCS_MAVLink_Copter.cpp and mode_gu
 
 import math
 from dataclasses import replace
-from enum import IntEnum
 
 import numpy as np
 
 from hsop_gcs.geometry.frames import wrap_rad
 from hsop_gcs.link.enums import (
     MavAutopilot,
+    MavBatteryChargeState,
     MavCmd,
     MavFrame,
     MavModeFlag,
@@ -38,8 +38,11 @@ from hsop_gcs.link.messages import (
     SetPositionTargetGlobalInt,
 )
 from hsop_gcs.simulator.ardupilot_gimbal import ArduPilotGimbalManager, rest_pitch_rad
+from hsop_gcs.simulator.ardupilot_modes import ARMABLE, POSITION_FREE, Mode, base_mode
 from hsop_gcs.simulator.ardupilot_reports import FRESH_LINK_HZ, reports, streams_of
+from hsop_gcs.simulator.battery import Thresholds
 from hsop_gcs.simulator.body import VehicleConfig
+from hsop_gcs.simulator.faults import FaultKind
 from hsop_gcs.simulator.flight import FlightGoal, Point
 from hsop_gcs.simulator.gimbal import GimbalLimits, Identity
 from hsop_gcs.simulator.orders import Order, whole
@@ -47,23 +50,6 @@ from hsop_gcs.simulator.parameters import INT8, Parameter, Parameters
 from hsop_gcs.simulator.telemetry import e7
 from hsop_gcs.simulator.vehicle import Vehicle
 
-
-class Mode(IntEnum):
-    """Copter's flight modes, those that are simulated."""
-
-    STABILIZE = 0
-    ALT_HOLD = 2
-    GUIDED = 4
-    LOITER = 5
-    RTL = 6
-    LAND = 9
-    POSHOLD = 16
-    BRAKE = 17
-
-
-_ARMABLE = {Mode.STABILIZE, Mode.ALT_HOLD, Mode.GUIDED, Mode.LOITER, Mode.POSHOLD}
-_POSITION_FREE = {Mode.STABILIZE, Mode.ALT_HOLD}
-_STEERED_BY_ITSELF = {Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.POSHOLD, Mode.BRAKE}
 _ABSOLUTE = {MavFrame.GLOBAL, MavFrame.GLOBAL_INT}
 _RELATIVE = {
     MavFrame.GLOBAL_RELATIVE_ALT,
@@ -77,6 +63,7 @@ _X, _V, _A = 0x007, 0x038, 0x1C0
 """The three ignore bits of position, velocity and acceleration; one of them set drops its whole group."""
 _FIRST_COMPLAINT_S, _COMPLAINT_EVERY_S = 6.4, 30.0
 _DISARM_IDLE_S = 10.0
+_ACT_LAND, _ACT_RTL = 1, 2
 _YAW_ALIGNED_M = 2.6
 _FORCE = {2989, 21196}
 _NOSE_TO_COURSE_BEYOND_M = 2.0
@@ -106,15 +93,17 @@ class ArduCopter(Vehicle):
                 "RTL_ALT": Parameter(1500),
                 "FENCE_ENABLE": Parameter(0, INT8),
                 "FENCE_RADIUS": Parameter(300.0),
+                "BATT_CAPACITY": Parameter(config.battery.capacity_mah),
+                "BATT_LOW_MAH": Parameter(0.2 * config.battery.capacity_mah),
+                "BATT_CRT_MAH": Parameter(0.1 * config.battery.capacity_mah),
+                "BATT_FS_LOW_ACT": Parameter(_ACT_RTL, INT8),
+                "BATT_FS_CRT_ACT": Parameter(_ACT_LAND, INT8),
             },
             bytewise=False,
         )
         super().__init__(config, parameters, {message: 1.0 / hz for message, hz in FRESH_LINK_HZ.items()}, rng, now)
-        self._samplers |= {
-            **reports(self),
-            **self._gimbal_manager.samplers,
-            PositionTargetGlobalInt.ID: self._position_target,
-        }
+        self._samplers |= reports(self) | self._gimbal_manager.samplers
+        self._samplers[PositionTargetGlobalInt.ID] = self._position_target
         self._commands |= {
             MavCmd.COMPONENT_ARM_DISARM: self._arm_disarm,
             MavCmd.NAV_TAKEOFF: self._take_off,
@@ -137,10 +126,7 @@ class ArduCopter(Vehicle):
         return rest_pitch_rad(limits)
 
     def base_mode(self) -> int:
-        mode = MavModeFlag.CUSTOM_MODE_ENABLED | MavModeFlag.STABILIZE_ENABLED | MavModeFlag.MANUAL_INPUT_ENABLED
-        if self.mode in _STEERED_BY_ITSELF:
-            mode |= MavModeFlag.GUIDED_ENABLED
-        return mode | MavModeFlag.SAFETY_ARMED if self.armed else mode
+        return base_mode(self.mode, armed=self.armed)
 
     def custom_mode(self) -> int:
         return self.mode
@@ -155,6 +141,26 @@ class ArduCopter(Vehicle):
     def became_ready(self) -> None:
         for unit in range(2):
             self.say(f"EKF3 IMU{unit} is using GPS")
+
+    def position_lost(self) -> None:
+        if self.in_air and self.mode not in POSITION_FREE:
+            self._enter(Mode.LAND)
+            self.say("EKF Failsafe: changed to Land Mode", MavSeverity.CRITICAL)
+
+    def battery_thresholds(self) -> Thresholds:
+        low, critical = (
+            100 * self.parameters[name] / self.parameters["BATT_CAPACITY"] for name in ("BATT_LOW_MAH", "BATT_CRT_MAH")
+        )
+        return Thresholds(low=low, critical=critical)
+
+    def battery_fell(self) -> None:
+        """Tell it and do what BATT_FS_LOW_ACT and BATT_FS_CRT_ACT say: nothing, land or return."""
+        low = self.battery.level == MavBatteryChargeState.LOW
+        self.say(f"Battery 1 is {'low' if low else 'critical'} {self.battery}", MavSeverity.WARNING)
+        modes = {_ACT_LAND: Mode.LAND, _ACT_RTL: Mode.RTL}
+        mode = modes.get(round(self.parameters["BATT_FS_LOW_ACT" if low else "BATT_FS_CRT_ACT"]))
+        if mode is not None:
+            self._enter(mode)
 
     def touched_down(self) -> None:
         self._stop_motors()
@@ -205,14 +211,17 @@ class ArduCopter(Vehicle):
     def _arm(self, *, forced: bool) -> MavResult:
         if self.armed:
             return MavResult.ACCEPTED
-        if self.mode not in _ARMABLE:
+        if self.mode not in ARMABLE:
             self.say("Arm: Mode not armable", MavSeverity.CRITICAL)
             return MavResult.FAILED
-        if not self.ready and self.mode not in _POSITION_FREE and not forced:
+        if not self.ready and self.mode not in POSITION_FREE and not forced:
             self.say("Arm: Need Position Estimate", MavSeverity.CRITICAL)
             return MavResult.FAILED
+        if self.suffers(FaultKind.DENY_ARM) and not forced:
+            self.say("Arm: Compass not healthy", MavSeverity.CRITICAL)
+            return MavResult.FAILED
         self.armed = True
-        self.home = self.local.to_geodetic(np.array(self.state.position_m))
+        self.home = self.local.to_geodetic(np.array(self.seen_position_m()))
         self.later(self.sample(GpsGlobalOrigin.ID))
         self.later(self.sample(HomePosition.ID))
         self.say("Arming motors")
@@ -244,8 +253,8 @@ class ArduCopter(Vehicle):
             return MavResult.DENIED
         if self.parameters["FENCE_ENABLE"] and self.outside_fence(target, self.parameters["FENCE_RADIUS"]):
             return MavResult.FAILED
-        if self.mode != Mode.GUIDED:
-            self._enter(Mode.GUIDED)
+        if self.mode != Mode.GUIDED and self._enter(Mode.GUIDED) != MavResult.ACCEPTED:
+            return MavResult.FAILED
         if self.in_air:
             self._paused = None
             self.fly_to(FlightGoal(position_m=target, heading_rad=self._course(target), cruise_mps=self._cruise))
@@ -303,7 +312,7 @@ class ArduCopter(Vehicle):
 
     def _enter(self, mode: Mode) -> MavResult:
         """Change the mode, start what it means, and tell it at once in a heartbeat of its own."""
-        if self.armed and not self.ready and mode not in _POSITION_FREE:
+        if self.armed and not self.ready and mode not in POSITION_FREE:
             return MavResult.FAILED
         changed = mode != self.mode
         self.mode = mode

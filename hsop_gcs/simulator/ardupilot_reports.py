@@ -65,7 +65,7 @@ def _sys_status(vehicle: Vehicle) -> SysStatus:
         onboard_control_sensors_present=1399979055,
         onboard_control_sensors_enabled=1398930479,
         onboard_control_sensors_health=healthy | 0x1000_0000 if vehicle.ready else healthy,
-        voltage_battery=vehicle.battery_mv,
+        voltage_battery=vehicle.battery.voltage_mv,
         battery_remaining=vehicle.battery_percent,
     )
 

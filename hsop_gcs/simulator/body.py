@@ -9,19 +9,23 @@ Local ENU of the place where it was started, metres. What a stack does at the tu
 
 import math
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
 from hsop_gcs.link.enums import MavLandedState
+from hsop_gcs.simulator.battery import Battery, BatteryConfig, Thresholds
+from hsop_gcs.simulator.disturbances import GpsError, Receiver, Weather, Wind
+from hsop_gcs.simulator.faults import Fault, FaultKind, Faults
 from hsop_gcs.simulator.flight import STEP_S, FlightGoal, FlightLimits, FlightState, Point, step
-from hsop_gcs.simulator.gimbal import Gimbal, GimbalLimits
+from hsop_gcs.simulator.gimbal import Gimbal, GimbalLimits, Identity
 
-_ENDURANCE_S = 25 * 60.0
 _REACHED_M = 0.3
 _TOUCHDOWN_S = 1.0
 _BELOW_GROUND_M = -0.5
+_SOMEBODY_ELSE: Identity = (254, 190)
+"""The ground station that takes a gimbal away."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +42,10 @@ class VehicleConfig:
     """Bound of the slow wandering about the point where it means to hover."""
     flight: FlightLimits = field(default_factory=FlightLimits)
     gimbal: GimbalLimits = field(default_factory=GimbalLimits)
+    battery: BatteryConfig = field(default_factory=BatteryConfig)
+    wind: Wind = field(default_factory=Wind)
+    gps: GpsError = field(default_factory=GpsError)
+    faults: tuple[Fault, ...] = ()
 
 
 class Body:
@@ -63,8 +71,13 @@ class Body:
         self._boot_at = self._now = self._moved_until = now
         self._lift_off_at: float | None = None
         self._ground_contact_at: float | None = None
-        self._airborne_s = 0.0
         self._wander_phases = tuple(float(phase) for phase in rng.uniform(0.0, 2 * math.pi, size=3))
+        self._weather = Weather(config.wind, rng)
+        self._receiver = Receiver(config.gps, rng)
+        self.battery = Battery(config.battery)
+        self.faults = Faults(config.faults)
+        self.lost_at_m: Point | None = None
+        """The last position there was, while there is none."""
 
     # What a stack does at the turns of a flight
 
@@ -75,6 +88,16 @@ class Body:
 
     def became_ready(self) -> None:
         """The estimator has just found its position."""
+
+    def position_lost(self) -> None:
+        """The satellites are gone, and the estimator's position with them."""
+
+    def battery_thresholds(self) -> Thresholds:
+        """When this stack calls its battery low."""
+        return Thresholds()
+
+    def battery_fell(self) -> None:
+        """The battery has come to a worse level."""
 
     def lifted_off(self) -> None:
         """The motors have spooled up."""
@@ -148,9 +171,9 @@ class Body:
     def boot_ms(self) -> int:
         return round(self.since_boot_s * 1e3)
 
-    @property
-    def battery_percent(self) -> int:
-        return max(0, 100 - math.floor(100 * self._airborne_s / _ENDURANCE_S))
+    def suffers(self, kind: FaultKind) -> bool:
+        """Whether a fault of this kind is there now."""
+        return self.faults.active(kind, self.since_boot_s)
 
     def place_of(self, lat_deg: float, lon_deg: float, altitude_amsl_m: float) -> Point:
         """Return local ENU, metres."""
@@ -163,12 +186,18 @@ class Body:
         return radius_m > 0 and math.hypot(target_m[0] - home[0], target_m[1] - home[1]) > radius_m
 
     def seen_position_m(self) -> Point:
-        """Return the position as the estimator has it: in the air with a slow swing, never longer than the bound."""
-        if not self.in_air:
-            return self.state.position_m
+        """Return the position as the estimator has it.
+
+        Beside the truth by the receiver's error, and in the air with a slow swing, never longer than the bound.
+        """
+        if self.lost_at_m is not None:
+            return self.lost_at_m
+        swing_m = self.config.wander_m / math.sqrt(3) if self.in_air else 0.0
         east, north, up = (
-            value + self.config.wander_m / math.sqrt(3) * math.sin(0.3 * self.since_boot_s + phase)
-            for value, phase in zip(self.state.position_m, self._wander_phases, strict=True)
+            value + error + swing_m * math.sin(0.3 * self.since_boot_s + phase)
+            for value, error, phase in zip(
+                self.state.position_m, self._receiver.error_m, self._wander_phases, strict=True
+            )
         )
         return east, north, up
 
@@ -183,23 +212,53 @@ class Body:
         self._now = max(self._now, now)
 
     def _step(self) -> None:
-        if not self.ready and self.since_boot_s >= self.config.ready_after_s:
-            self.ready = True
-            self.became_ready()
+        self._find_position()
         if self._lift_off_at is not None and self.armed and self._now >= self._lift_off_at:
             self._lift_off_at = None
             self.landed = MavLandedState.TAKEOFF
             self.lifted_off()
         if self.in_air and self.goal is not None:
-            self._airborne_s += STEP_S
-            self.state = step(self.state, self.goal, self.config.flight)
-            self._mind_the_goal(self.goal)
+            goal = self._really(self.goal)
+            self.state = step(self.state, goal, self.config.flight, air=self._weather.step(STEP_S))
+            self._mind_the_goal(goal)
+            if self.battery.drain(STEP_S, self.battery_thresholds()):
+                self.battery_fell()
+            if self.battery.percent <= 0 and self.armed:
+                self.disarm()
         else:
             self.state = self.state.halted()
+        self._turn_gimbal()
+        self.each_step(self._now)
+
+    def _find_position(self) -> None:
+        self._receiver.step(STEP_S)
+        without = self.suffers(FaultKind.GPS_LOST)
+        if self.ready and without:
+            self.lost_at_m = self.seen_position_m()
+            self.ready = False
+            self.position_lost()
+        elif not self.ready and not without and self.since_boot_s >= self.config.ready_after_s:
+            self.lost_at_m = None
+            self.ready = True
+            self.became_ready()
+
+    def _really(self, goal: FlightGoal) -> FlightGoal:
+        """Return where a vehicle goes that believes its receiver."""
+        error_m = self._receiver.error_m
+        if not any(error_m):
+            return goal
+        east, north, up = (wanted - error for wanted, error in zip(goal.position_m, error_m, strict=True))
+        # The ground is where it is: a landing ends on it whatever the receiver says.
+        return replace(goal, position_m=(east, north, up if goal.position_m[2] >= 0 else goal.position_m[2]))
+
+    def _turn_gimbal(self) -> None:
+        if self.faults.strikes(FaultKind.GIMBAL_TAKEN, self.since_boot_s):
+            self.roi = None
+            self.gimbal.primary = _SOMEBODY_ELSE
+            self.gimbal.point(pitch_rad=math.radians(-90.0), yaw_rad=0.0, locked=False)
         if self.roi is not None:
             self._look_at(self.roi)
-        self.gimbal.step(STEP_S, self.state.heading_rad)
-        self.each_step(self._now)
+        self.gimbal.step(STEP_S, self.state.heading_rad, stuck=self.suffers(FaultKind.GIMBAL_STUCK))
 
     def _mind_the_goal(self, goal: FlightGoal) -> None:
         off_m = math.dist(self.state.position_m, goal.position_m)

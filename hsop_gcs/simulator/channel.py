@@ -1,4 +1,4 @@
-"""A link that loses, doubles and delays datagrams, by chance that is passed in."""
+"""A link that loses, doubles, delays and reorders datagrams, by chance that is passed in."""
 
 import heapq
 import math
@@ -10,13 +10,17 @@ import numpy as np
 
 Item = TypeVar("Item")
 
+_HELD_BACK_S = 0.1
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Impairment:
-    """How bad a link is. Jitter is uniform on top of the delay, so that datagrams overtake each other."""
+    """How bad a link is, in each direction: shares of the datagrams, and delay ± jitter, uniform."""
 
     loss: float = 0.0
     duplication: float = 0.0
+    reordering: float = 0.0
+    """Held back for another tenth of a second, behind those that were sent after them."""
     delay_s: float = 0.0
     jitter_s: float = 0.0
 
@@ -26,8 +30,10 @@ class Channel(Generic[Item]):
 
     def __init__(self, impairment: Impairment, rng: np.random.Generator) -> None:
         self._impairment = impairment
+        self._shares = np.array([impairment.loss, impairment.duplication, impairment.reordering])
         self._rng = rng
         self._order = count()
+        self.lost = 0
         self._under_way: list[tuple[float, int, Item]] = []
 
     @property
@@ -37,12 +43,14 @@ class Channel(Generic[Item]):
 
     def put(self, item: Item, now: float) -> None:
         """Send one item."""
-        chances = self._rng.random(3)
-        if chances[0] < self._impairment.loss:
+        lost, doubled, held_back = (self._rng.random(3) < self._shares).tolist()
+        if lost:
+            self.lost += 1
             return
-        for copy in range(2 if chances[1] < self._impairment.duplication else 1):
-            jitter = self._impairment.jitter_s * float(chances[2] if copy == 0 else self._rng.random())
-            heapq.heappush(self._under_way, (now + self._impairment.delay_s + jitter, next(self._order), item))
+        for _ in range(2 if doubled else 1):
+            delay_s = self._impairment.delay_s + self._impairment.jitter_s * float(self._rng.uniform(-1.0, 1.0))
+            late_s = _HELD_BACK_S if held_back else 0.0
+            heapq.heappush(self._under_way, (now + max(0.0, delay_s) + late_s, next(self._order), item))
 
     def take_due(self, now: float) -> list[Item]:
         """Return what has arrived by ``now``, in the order of arrival."""

@@ -22,8 +22,11 @@ from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
 from hsop_gcs.link.codec import Decoder, Encoder
 from hsop_gcs.link.enums import MavComponent
 from hsop_gcs.simulator.ardupilot import ArduCopter
+from hsop_gcs.simulator.battery import BatteryConfig
 from hsop_gcs.simulator.body import VehicleConfig
 from hsop_gcs.simulator.channel import Channel, Impairment
+from hsop_gcs.simulator.disturbances import GpsError, Wind
+from hsop_gcs.simulator.faults import Fault, FaultKind
 from hsop_gcs.simulator.flight import FlightLimits
 from hsop_gcs.simulator.gimbal import GimbalLimits
 from hsop_gcs.simulator.px4 import Px4
@@ -58,6 +61,10 @@ class FleetConfig:
     wander_m: float = 0.05
     flight: FlightLimits = field(default_factory=FlightLimits)
     gimbal: GimbalLimits = field(default_factory=GimbalLimits)
+    battery: BatteryConfig = field(default_factory=BatteryConfig)
+    wind: Wind = field(default_factory=Wind)
+    gps: GpsError = field(default_factory=GpsError)
+    faults: Sequence[Fault] = ()
     impairment: Impairment = field(default_factory=Impairment)
     seed: int = 0
     speed: float = 1.0
@@ -88,6 +95,11 @@ class SimulatedFleet:
     @property
     def vehicles(self) -> list[Vehicle]:
         return [member.vehicle for member in self.members]
+
+    @property
+    def lost(self) -> int:
+        """Datagrams that the simulated links did not carry."""
+        return sum(member.lost for member in self.members)
 
     @property
     def local_addresses(self) -> list[Address]:
@@ -166,6 +178,13 @@ class _Member(asyncio.DatagramProtocol):
         self._outward = Channel[tuple[bytes, Address]](impairment, np.random.default_rng(outward))
         self._peers: dict[Address, float] = {}
         self._transport: asyncio.DatagramTransport | None = None
+        self._started_at = clock.now()
+        self._cut_off = 0
+
+    @property
+    def lost(self) -> int:
+        """Datagrams the link did not carry, both ways: lost by chance, or while it was cut."""
+        return self._inward.lost + self._outward.lost + self._cut_off
 
     @property
     def local_address(self) -> Address:
@@ -196,18 +215,27 @@ class _Member(asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
         now = self._clock.now()
+        if self._cut(now):
+            return
         self._inward.put((data, (addr[0], addr[1])), now)
         self.advance(now)
 
     def error_received(self, exc: Exception) -> None:
         """A peer's port is closed, say: it may open again, and until then nobody misses anything."""
 
+    def _cut(self, now: float) -> bool:
+        """Whether the link is cut now; counts what is lost by it."""
+        cut = self.vehicle.faults.active(FaultKind.LINK_CUT, now - self._started_at)
+        self._cut_off += cut
+        return cut
+
     def _send(self, now: float) -> None:
         self._peers = {peer: heard for peer, heard in self._peers.items() if now - heard < _PEER_FORGOTTEN_AFTER_S}
         for message in self.vehicle.take_outgoing():
             frame = self._encoder.encode(message)
             for peer in {self.target, *self._peers}:
-                self._outward.put((frame, peer), now)
+                if not self._cut(now):
+                    self._outward.put((frame, peer), now)
         for datagram, peer in self._outward.take_due(now):
             if self._transport is not None:
                 self._transport.sendto(datagram, peer)
@@ -242,6 +270,10 @@ def _build(config: FleetConfig, number: int, now: float, seed: np.random.SeedSeq
         wander_m=config.wander_m,
         flight=config.flight,
         gimbal=config.gimbal,
+        battery=config.battery,
+        wind=config.wind,
+        gps=config.gps,
+        faults=tuple(fault for fault in config.faults if fault.vehicle in (None, number + 1)),
     )
     rng = np.random.default_rng(seed)
     return (

@@ -17,6 +17,10 @@ _GRAVITY_MPS2 = 9.80665
 _APPROACH_PER_S = 1.2
 _BRAKING_SHARE = 0.7
 """Share of the acceleration limit that braking plans with; the rest turns the velocity."""
+_GUST_SHARE = 0.1
+"""Of a gust's speed, what a vehicle drifts before its controller has answered."""
+_LEAN_PER_S = 0.24
+"""Acceleration against a wind per metre and second of it: some 20 degrees of tilt in 15 m/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +55,8 @@ class FlightState:
     velocity_mps: Point = (0.0, 0.0, 0.0)
     heading_rad: float = 0.0
     heading_rate_rad_s: float = 0.0
+    push_mps: tuple[float, float] = (0.0, 0.0)
+    """East and north, on top of the velocity that is controlled: what a gust does before the controller notices."""
     roll_rad: float = 0.0
     pitch_rad: float = 0.0
 
@@ -64,11 +70,28 @@ class FlightState:
 
     def halted(self) -> "FlightState":
         """Return the same place at rest and level, as a landed vehicle stands."""
-        return replace(self, velocity_mps=(0.0, 0.0, 0.0), heading_rate_rad_s=0.0, roll_rad=0.0, pitch_rad=0.0)
+        at_rest = replace(self, velocity_mps=(0.0, 0.0, 0.0), heading_rate_rad_s=0.0, push_mps=(0.0, 0.0))
+        return replace(at_rest, roll_rad=0.0, pitch_rad=0.0)
 
 
-def step(state: FlightState, goal: FlightGoal, limits: FlightLimits, dt_s: float = STEP_S) -> FlightState:
-    """Return the state ``dt_s`` later on the way to ``goal``. Touching the ground takes the downward speed away."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Air:
+    """How the air moves, east and north: its mean, which a controller learns, and the gusts, which it does not."""
+
+    mean_mps: tuple[float, float]
+    gust_mps: tuple[float, float]
+
+
+CALM = Air(mean_mps=(0.0, 0.0), gust_mps=(0.0, 0.0))
+
+
+def step(
+    state: FlightState, goal: FlightGoal, limits: FlightLimits, dt_s: float = STEP_S, air: Air = CALM
+) -> FlightState:
+    """Return the state ``dt_s`` later on the way to ``goal``. Touching the ground takes the downward speed away.
+
+    The airframe's greatest speed is one through the air: a stronger wind carries it away.
+    """
     east, north, up = (target - present for target, present in zip(goal.position_m, state.position_m, strict=True))
     cruise_mps = limits.cruise_mps if goal.cruise_mps is None else goal.cruise_mps
     cruise_mps = min(limits.max_speed_mps, max(0.0, cruise_mps))
@@ -76,7 +99,10 @@ def step(state: FlightState, goal: FlightGoal, limits: FlightLimits, dt_s: float
     speed_mps = min(cruise_mps, _approach_speed(distance_m, limits.acceleration_mps2))
     per_metre = speed_mps / distance_m if distance_m > 0.0 else 0.0
     ve, vn, vu = state.velocity_mps
-    ae, an = _limited((east * per_metre - ve) / dt_s, (north * per_metre - vn) / dt_s, limits.acceleration_mps2)
+    wind_e, wind_n = air.mean_mps
+    through_e, through_n = _limited(east * per_metre - wind_e, north * per_metre - wind_n, limits.max_speed_mps)
+    wanted_e, wanted_n = wind_e + through_e, wind_n + through_n
+    ae, an = _limited((wanted_e - ve) / dt_s, (wanted_n - vn) / dt_s, limits.acceleration_mps2)
 
     vertical_mps = math.copysign(_approach_speed(abs(up), limits.vertical_acceleration_mps2), up)
     descent_mps = limits.descent_mps if goal.descent_mps is None else goal.descent_mps
@@ -91,13 +117,16 @@ def step(state: FlightState, goal: FlightGoal, limits: FlightLimits, dt_s: float
         z, vu = 0.0, max(0.0, vu)
 
     heading_rad, heading_rate_rad_s = _turned(state.heading_rad, goal.heading_rad, limits.yaw_rate_rad_s, dt_s)
-    forward = an * math.cos(heading_rad) + ae * math.sin(heading_rad)
-    right = ae * math.cos(heading_rad) - an * math.sin(heading_rad)
+    tilt_e, tilt_n = ae - _LEAN_PER_S * wind_e, an - _LEAN_PER_S * wind_n
+    forward = tilt_n * math.cos(heading_rad) + tilt_e * math.sin(heading_rad)
+    right = tilt_e * math.cos(heading_rad) - tilt_n * math.sin(heading_rad)
+    push_e, push_n = (_GUST_SHARE * gust_mps for gust_mps in air.gust_mps)
     return FlightState(
-        position_m=(x + ve * dt_s, y + vn * dt_s, z),
+        position_m=(x + (ve + push_e) * dt_s, y + (vn + push_n) * dt_s, z),
         velocity_mps=(ve, vn, vu),
         heading_rad=heading_rad,
         heading_rate_rad_s=heading_rate_rad_s,
+        push_mps=(push_e, push_n),
         roll_rad=math.atan2(right, _GRAVITY_MPS2),
         pitch_rad=-math.atan2(forward, _GRAVITY_MPS2),
     )

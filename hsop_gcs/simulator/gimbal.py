@@ -75,9 +75,11 @@ class Gimbal:
         self.point(locked=locked)
         self._rate_rad_s = (pitch_rad_s, yaw_rad_s)
 
-    def step(self, dt_s: float, vehicle_heading_rad: float) -> None:
-        """Move for ``dt_s`` seconds under a vehicle with this heading."""
+    def step(self, dt_s: float, vehicle_heading_rad: float, *, stuck: bool = False) -> None:
+        """Move for ``dt_s`` seconds under a vehicle with this heading; ``stuck``: turn with it and not by itself."""
         self._vehicle_heading_rad = vehicle_heading_rad
+        if stuck:
+            return
         pitch_rate, yaw_rate = self._rate_rad_s
         self._order_pitch_rad = self.limits.clip_pitch(self._order_pitch_rad + pitch_rate * dt_s)
         self._order_yaw_rad = wrap_rad(self._order_yaw_rad + yaw_rate * dt_s)

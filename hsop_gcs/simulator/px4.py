@@ -17,6 +17,7 @@ import numpy as np
 from hsop_gcs.geometry.frames import wrap_rad
 from hsop_gcs.link.enums import (
     MavAutopilot,
+    MavBatteryChargeState,
     MavCmd,
     MavModeFlag,
     MavResult,
@@ -27,10 +28,13 @@ from hsop_gcs.link.messages import (
     AutopilotVersion,
     GimbalManagerInformation,
     GimbalManagerSetAttitude,
+    GlobalPositionInt,
     Message,
     SetMode,
 )
+from hsop_gcs.simulator.battery import Thresholds
 from hsop_gcs.simulator.body import VehicleConfig
+from hsop_gcs.simulator.faults import FaultKind
 from hsop_gcs.simulator.flight import FlightGoal, Point
 from hsop_gcs.simulator.gimbal import GimbalLimits, Identity
 from hsop_gcs.simulator.orders import Order, whole
@@ -52,6 +56,7 @@ class Mode(IntEnum):
 _ON_REQUEST = {AutopilotVersion.ID, GimbalManagerInformation.ID}
 _INT32_MAX = 2**31 - 1
 _DISARM_UNFLOWN_S = 10.0
+_RETURN_THEN_LAND = 3
 _FORCE_DISARM = 21196
 _NOSE_TO_COURSE_BEYOND_M = 2.0
 
@@ -77,14 +82,15 @@ class Px4(Vehicle):
                 "RTL_RETURN_ALT": Parameter(30.0),
                 "GF_MAX_HOR_DIST": Parameter(0.0),
                 "COM_DISARM_LAND": Parameter(2.0),
+                "BAT_LOW_THR": Parameter(0.15),
+                "BAT_CRIT_THR": Parameter(0.07),
+                "BAT_EMERGEN_THR": Parameter(0.05),
+                "COM_LOW_BAT_ACT": Parameter(_RETURN_THEN_LAND, INT32),
             },
             bytewise=True,
         )
         super().__init__(config, parameters, {message: 1.0 / hz for message, hz in FRESH_LINK_HZ.items()}, rng, now)
-        self._samplers |= {
-            **reports(self),
-            **self._gimbal_manager.samplers,
-        }
+        self._samplers |= reports(self) | self._gimbal_manager.samplers
         self._commands |= {
             MavCmd.COMPONENT_ARM_DISARM: self._arm_disarm,
             MavCmd.NAV_TAKEOFF: self._take_off,
@@ -116,6 +122,28 @@ class Px4(Vehicle):
 
     def interval_refused(self, message_id: int) -> MavResult:  # noqa: ARG002
         return MavResult.FAILED
+
+    def position_lost(self) -> None:
+        if self.in_air:
+            self._failsafe(Mode.LAND, "Descend")
+
+    def battery_thresholds(self) -> Thresholds:
+        low, critical, emergency = (
+            100 * self.parameters[name] for name in ("BAT_LOW_THR", "BAT_CRIT_THR", "BAT_EMERGEN_THR")
+        )
+        return Thresholds(low=low, critical=critical, emergency=emergency)
+
+    def battery_fell(self) -> None:
+        """Warn; and with COM_LOW_BAT_ACT 3 return when it is critical and land at once in an emergency."""
+        acts = self.parameters["COM_LOW_BAT_ACT"] == _RETURN_THEN_LAND
+        if self.battery.level == MavBatteryChargeState.LOW:
+            self._say("Low battery level, return advised", MavSeverity.WARNING)
+        elif not acts:
+            self._say("Critical battery level, land now", MavSeverity.CRITICAL)
+        elif self.battery.level == MavBatteryChargeState.CRITICAL:
+            self._failsafe(Mode.RETURN, "Return")
+        else:
+            self._failsafe(Mode.LAND, "Land")
 
     def lifted_off(self) -> None:
         self._say("Takeoff detected")
@@ -154,12 +182,12 @@ class Px4(Vehicle):
 
     def _arm_disarm(self, order: Order) -> MavResult:
         if order.p1 == 1:
-            if not self.ready:
+            if not self.ready or self.suffers(FaultKind.DENY_ARM):
                 self._say("Arming denied: Resolve system health failures first", MavSeverity.CRITICAL)
                 return MavResult.TEMPORARILY_REJECTED
             if not self.armed:
                 self.armed = True
-                self.home = self.local.to_geodetic(np.array(self.state.position_m))
+                self.home = self.local.to_geodetic(np.array(self.seen_position_m()))
                 self._say("Armed by external command")
                 if self.mode == Mode.TAKEOFF:
                     self._begin_take_off(math.nan)
@@ -201,6 +229,10 @@ class Px4(Vehicle):
                     self._begin_take_off(math.nan)
         return MavResult.ACCEPTED
 
+    def _failsafe(self, mode: Mode, name: str) -> None:
+        self._say(f"Failsafe activated: Autopilot disengaged, switching to {name}", MavSeverity.CRITICAL)
+        self._enter(mode)
+
     def _return(self) -> None:
         """Climb, fly home, land."""
         self._say("Returning to launch")
@@ -223,6 +255,8 @@ class Px4(Vehicle):
         if any(math.isinf(value) for value in (order.x, order.y, order.z)):
             return MavResult.DENIED
         result = MavResult.UNSUPPORTED
+        if order.p2 == 1 and not self.ready:
+            return MavResult.TEMPORARILY_REJECTED
         if order.p2 == 1:
             self.mode = Mode.HOLD
             result = MavResult.ACCEPTED
@@ -258,7 +292,7 @@ class Px4(Vehicle):
 
     def _change_mode(self, custom_mode: int) -> MavResult:
         """Hold, take-off, return and land are simulated; what needs a stick, a mission or set-points is refused."""
-        if custom_mode not in Mode.__members__.values():
+        if custom_mode not in Mode.__members__.values() or (self.armed and not self.ready and custom_mode != Mode.LAND):
             return MavResult.TEMPORARILY_REJECTED
         return self._enter(Mode(custom_mode))
 
@@ -283,6 +317,11 @@ class Px4(Vehicle):
     @property
     def streamable(self) -> set[int]:
         return super().streamable - _ON_REQUEST
+
+    def sample(self, message_id: int) -> Message | None:
+        """A position that was lost is not published."""
+        lost = self.lost_at_m is not None and message_id == GlobalPositionInt.ID
+        return None if lost else super().sample(message_id)
 
     def _say(self, text: str, severity: MavSeverity = MavSeverity.INFO) -> None:
         """Every text ends in a tab: that is how PX4 marks one that an event tells as well."""

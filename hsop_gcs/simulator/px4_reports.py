@@ -70,7 +70,7 @@ def _sys_status(vehicle: Vehicle) -> SysStatus:
         onboard_control_sensors_enabled=50413615,
         onboard_control_sensors_health=320915519 if vehicle.ready else 320915519 & ~0x1000_0000,
         load=200,
-        voltage_battery=vehicle.battery_mv,
+        voltage_battery=vehicle.battery.voltage_mv,
         current_battery=-100,
         battery_remaining=vehicle.battery_percent,
     )

@@ -23,6 +23,7 @@ from hsop_gcs.link.messages import (
 from hsop_gcs.simulator.flight import FlightState
 
 _UNIX_AT_BOOT_S = 1_790_000_000
+_FIX_3D = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,7 +123,7 @@ def _gps_raw(s: Situation) -> GpsRawInt:
         epv=110,
         vel=round(s.flight.ground_speed_mps * 100),
         cog=round(math.degrees(math.atan2(east, north)) * 100) % 36000,
-        satellites_visible=10,
+        satellites_visible=10 if s.gps_fix >= _FIX_3D else 0,
         alt_ellipsoid=mm(s.place.altitude_amsl_m),
         h_acc=300,
         v_acc=300,

@@ -35,6 +35,7 @@ from hsop_gcs.link.messages import (
     Timesync,
 )
 from hsop_gcs.simulator.body import Body, VehicleConfig
+from hsop_gcs.simulator.faults import FaultKind
 from hsop_gcs.simulator.gimbal import Identity
 from hsop_gcs.simulator.orders import Order, read_order, whole
 from hsop_gcs.simulator.parameters import Parameters
@@ -43,6 +44,7 @@ from hsop_gcs.simulator.telemetry import SAMPLERS, Situation, e7, mm
 
 _STATUS_TEXT_LENGTH = 50
 _SHORTEST_INTERVAL_S = 0.01
+_NO_FIX = 1
 
 Handler = Callable[[Order], MavResult | None]
 Sampler = Callable[[], Message | None]
@@ -139,6 +141,11 @@ class Vehicle(Body):
     # Orders both understand alike
 
     def _command(self, order: Order) -> None:
+        fault = self.faults.meeting(order.command, self.since_boot_s)
+        if fault is not None:
+            if fault.kind is FaultKind.REJECT:
+                self.acknowledge(order.command, fault.result, order.sender)
+            return
         handler = self._commands.get(order.command)
         result = MavResult.UNSUPPORTED if handler is None else handler(order)
         if result is not None:
@@ -218,14 +225,17 @@ class Vehicle(Body):
 
     def situation(self) -> Situation:
         """Return how the vehicle sees itself now."""
-        seen = replace(self.state, position_m=self.seen_position_m())
+        state = self.state
+        east, north, up = state.velocity_mps
+        velocity_mps = (east + state.push_mps[0], north + state.push_mps[1], up)
+        seen = replace(state, position_m=self.seen_position_m(), velocity_mps=velocity_mps)
         return Situation(
             since_boot_s=self.since_boot_s,
             flight=seen,
             place=self.local.to_geodetic(np.array(seen.position_m)),
             home=self.home,
             origin=self.local.origin,
-            gps_fix=self.GPS_FIX,
+            gps_fix=self.GPS_FIX if self.lost_at_m is None else _NO_FIX,
         )
 
     def say(self, text: str, severity: MavSeverity = MavSeverity.INFO, *, numbered: bool = False) -> None:
@@ -283,17 +293,18 @@ class Vehicle(Body):
             battery_function=1,
             type=1,
             temperature=32767,
-            voltages=(self.battery_mv, *(65535,) * 9),
+            voltages=(self.battery.voltage_mv, *(65535,) * 9),
             current_battery=-1,
-            current_consumed=-1,
+            current_consumed=round(self.battery.used_mah),
             energy_consumed=-1,
             battery_remaining=self.battery_percent,
-            charge_state=1,
+            charge_state=self.battery.level,
         )
 
     @property
-    def battery_mv(self) -> int:
-        return 14000 + 28 * self.battery_percent
+    def battery_percent(self) -> int:
+        """What is left, as it is reported: rounded up, so that 0 means empty."""
+        return math.ceil(self.battery.percent)
 
     def _extended_sys_state(self) -> ExtendedSysState:
         return ExtendedSysState(landed_state=self.landed)

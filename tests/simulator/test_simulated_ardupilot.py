@@ -31,7 +31,7 @@ from hsop_gcs.link.messages import (
     SetPositionTargetGlobalInt,
     Timesync,
 )
-from hsop_gcs.simulator.ardupilot import Mode
+from hsop_gcs.simulator.ardupilot_modes import Mode
 from hsop_gcs.simulator.gimbal import GimbalLimits, pitch_yaw, quaternion
 from tests.simulator.station import CONFIG, HOME, OPERATOR, STRANGER, Station, ardupilot
 
