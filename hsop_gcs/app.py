@@ -22,6 +22,9 @@ from hsop_gcs.mission.records import recover
 from hsop_gcs.mission.solver import Solver
 from hsop_gcs.settings import Settings
 
+_WATCHDOG_S = 3.0
+"""A mission that has not moved for so long is dead: our heartbeat stops, and the vehicles' own failsafes act."""
+
 log = logging.getLogger(__name__)
 
 
@@ -29,7 +32,6 @@ log = logging.getLogger(__name__)
 async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
     """Open journal, link and solver and keep the mission moving; everything is closed on the way out."""
     fleet = settings.to_fleet()
-    endpoints = sorted({host.connection for host in fleet.hosts})
     async with AsyncExitStack() as stack:
         journal, recovered = None, None
         if settings.service.journal is not None:
@@ -42,8 +44,16 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
         tlog = None
         if settings.service.tlog is not None:
             tlog = TlogWriter(stack.enter_context(create_tlog(Path(settings.service.tlog), time.time())))
-        systems = [host.system_id for host in fleet.hosts]
-        link = await stack.enter_async_context(Link(endpoints, systems, on_frame=_recorder(tlog)))
+        connections = {host.system_id: host.connection for host in fleet.hosts}
+        link = await stack.enter_async_context(
+            Link(
+                sorted(set(connections.values())),
+                connections,
+                connections=connections,
+                on_frame=_recorder(tlog),
+                watchdog_s=_WATCHDOG_S,
+            )
+        )
         mission = Mission(
             fleet=fleet,
             site=settings.to_site(),

@@ -16,6 +16,7 @@ from hsop_gcs.api.schemas import (
     HostsIn,
     HostsOut,
     PlansOut,
+    RegisterIn,
     ReportIn,
     ReportResults,
     TakeOffIn,
@@ -128,6 +129,11 @@ def _routes(mission: Mission) -> APIRouter:
     async def hold(wanted: HostsIn) -> HostsOut:
         """Stop hosts where they are; from then on no plan flies without approval."""
         return HostsOut(hosts=mission.hold(wanted.hosts))
+
+    @router.post("/hosts/register", operation_id="registerHost", status_code=204, responses=_problems(404, 422))
+    async def register_host(wanted: RegisterIn) -> None:
+        """Listen to a host at another address than before. The address makes sure that it is the one looked at."""
+        mission.register(wanted.host, wanted.address)
 
     @router.get("/events", operation_id="getEvents")
     async def get_events(after: Annotated[int, Query(ge=0)] = 0) -> list[EventOut]:

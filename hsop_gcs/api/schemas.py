@@ -146,6 +146,28 @@ class OrderOut(BaseModel):
     gimbal_error_deg: float | None
 
 
+class HostLinkOut(BaseModel):
+    address: str | None
+    """Where the host is registered: nothing else is listened to under its system id."""
+    claimants: list[str]
+    """Other addresses that spoke under its system id; one may be registered."""
+    received: int
+    rate_hz: float
+    """Frames a second over the last five seconds."""
+    lost: int
+    loss: float | None
+    """Share of frames lost over the last five seconds."""
+    bad_frames: int
+    """From its address; shared by hosts behind one radio."""
+    refused: int
+    """Frames from other addresses."""
+    round_trip_ms: float | None
+    """To the autopilot and back, median of the newest five."""
+    commands_resent: int
+    command_noise: int
+    """Acknowledgements that no command was waiting for."""
+
+
 class HostOut(BaseModel):
     id: str
     system_id: int
@@ -153,6 +175,7 @@ class HostOut(BaseModel):
     unavailable_reason: str | None
     link_up: bool
     heard_s_ago: float | None
+    link: HostLinkOut
     autopilot: str | None
     firmware: str | None
     armed: bool | None
@@ -212,6 +235,14 @@ class TakeOffIn(HostsIn):
     model_config = ConfigDict(json_schema_extra={"examples": [{"altitude_m": 20.0, "hosts": ["h1", "h2"]}]})
 
     altitude_m: Annotated[Number, Field(ge=2, le=120, description="above each host's home")]
+
+
+class RegisterIn(_Request):
+    model_config = ConfigDict(json_schema_extra={"examples": [{"host": "h1", "address": "10.0.0.5:14550"}]})
+
+    host: str
+    address: str
+    """One of the host's ``link.claimants``."""
 
 
 class EventOut(BaseModel):

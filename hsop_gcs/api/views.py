@@ -11,6 +11,7 @@ from hsop_gcs.api.schemas import (
     DetectionCounts,
     EventOut,
     HealthOut,
+    HostLinkOut,
     HostOut,
     HoverOut,
     LinkHealth,
@@ -30,6 +31,7 @@ from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.detections import Counts
 from hsop_gcs.fleet import Host
 from hsop_gcs.geometry.frames import Aim, GeodeticPoint
+from hsop_gcs.link.account import VehicleLink
 from hsop_gcs.link.protocol.gimbal import separation_deg
 from hsop_gcs.link.pump import Link
 from hsop_gcs.link.vehicle import Progress
@@ -75,6 +77,7 @@ def host_out(host: Host, mission: Mission) -> HostOut:
         unavailable_reason=reason,
         link_up=state.link_up,
         heard_s_ago=None if state.last_heard_s is None else mission.link.now() - state.last_heard_s,
+        link=_host_link(mission.link.vehicle_link(host.system_id)),
         autopilot=state.autopilot,
         firmware=state.firmware,
         armed=state.armed,
@@ -117,7 +120,11 @@ def health_out(mission: Mission, started_at_s: float) -> HealthOut:
     problems = [f"host {host_id}: {reason}" for host_id, reason in unavailable.items()]
     if not mission.link.running:
         problems.append("link: the pump has stopped")
-    problems += [f"link {problem}" for problem in mission.link.problems]
+    problems += [f"link: {problem}" for problem in mission.link.problems]
+    for host in mission.fleet.hosts:
+        claimants = mission.link.vehicle_link(host.system_id).claimants
+        if claimants:
+            problems.append(f"host {host.id}: refused at {', '.join(claimants)}, where it is not registered")
     if mission.journal_fault is not None:
         problems.append(f"journal: {mission.journal_fault}")
     if mission.tlog is not None and mission.tlog.fault is not None:
@@ -179,12 +186,28 @@ def _detections(counts: Counts) -> DetectionCounts:
     )
 
 
+def _host_link(link: VehicleLink) -> HostLinkOut:
+    return HostLinkOut(
+        address=None if link.peer is None else link.peer.address,
+        claimants=list(link.claimants),
+        received=link.received,
+        rate_hz=link.rate_hz,
+        lost=link.lost,
+        loss=link.loss,
+        bad_frames=link.bad_frames,
+        refused=link.refused,
+        round_trip_ms=None if link.round_trip_s is None else 1e3 * link.round_trip_s,
+        commands_resent=link.commands_resent,
+        command_noise=link.command_noise,
+    )
+
+
 def _link(link: Link) -> LinkHealth:
     return LinkHealth(
         **asdict(link.counters),
         dropped_datagrams=link.dropped_datagrams,
         send_errors=link.send_errors,
-        strangers=[f"{each.system}/{each.component} at {each.peer.host}:{each.peer.port}" for each in link.strangers],
+        strangers=[f"{each.system}/{each.component} at {each.peer.address}" for each in link.strangers],
     )
 
 

@@ -34,8 +34,25 @@ class Endpoint:
         return self.kind in ("tcp", "serial")
 
     def __str__(self) -> str:
-        host = f"[{self.host}]" if ":" in self.host and self.kind != "serial" else self.host
-        return f"{self.kind}:{host}:{self.port}"
+        return f"{self.kind}:{_address(self.host, self.port)}"
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Peer:
+    """Where bytes come from and go to: which of our endpoints, by its number, and the address behind it."""
+
+    transport: int
+    host: str
+    port: int
+
+    @property
+    def address(self) -> str:
+        """For a person."""
+        return _address(self.host, self.port)
+
+
+def _address(host: str, port: int) -> str:
+    return f"[{host}]:{port}" if ":" in host and "/" not in host else f"{host}:{port}"
 
 
 def parse_endpoint(text: str) -> Endpoint:

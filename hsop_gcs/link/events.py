@@ -25,6 +25,25 @@ class LinkLost(Event):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class AddressRefused(Event):
+    """Somebody speaks under the vehicle's id from another address, and is not listened to until it is registered.
+
+    Told once per address. registered: the vehicle's own; None: it was not heard at its endpoint yet.
+    """
+
+    address: str
+    registered: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AddressRegistered(Event):
+    """The vehicle has another address from now on."""
+
+    address: str
+    before: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StatusTextReceived(Event):
     """A line the autopilot wrote for a person; parts sent in several messages are joined."""
 

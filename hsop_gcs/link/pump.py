@@ -12,11 +12,12 @@ from typing import Self
 
 from hsop_gcs.errors import BadInput
 from hsop_gcs.geometry.frames import Aim
-from hsop_gcs.link.endpoint import Address, parse_endpoint
+from hsop_gcs.link.account import LinkCounters, Stranger, VehicleLink
+from hsop_gcs.link.endpoint import Address, Peer, parse_endpoint
 from hsop_gcs.link.events import Event
 from hsop_gcs.link.identity import GROUND_STATION, Identity
 from hsop_gcs.link.protocol.hover import HoverOrder
-from hsop_gcs.link.router import LinkCounters, Peer, Router, Stranger, VehicleLink
+from hsop_gcs.link.router import Router
 from hsop_gcs.link.transports import transport_for
 from hsop_gcs.link.vehicle import Vehicle, VehicleLimits
 
@@ -30,6 +31,8 @@ class Link:
     endpoints: as ``parse_endpoint`` reads them, each shared by any number of vehicles. systems: the MAVLink
     ids of the fleet. clock: seconds, monotonic; by default the event loop's. on_event: called from the pump for every
     event; without it they are put on ``events``. on_frame: called with every raw frame received and sent.
+    connections: over which of the endpoints a system must be heard first; one left out may be heard over any.
+    watchdog_s: our heartbeat stops when ``keep_alive`` is not called for so long; None: it stands for the pump alone.
     Raises BadInput for an endpoint or id that is none.
     """
 
@@ -43,6 +46,8 @@ class Link:
         clock: Callable[[], float] | None = None,
         on_event: Callable[[Event], None] | None = None,
         on_frame: Callable[[bytes], None] | None = None,
+        connections: Mapping[int, str] | None = None,
+        watchdog_s: float | None = None,
     ) -> None:
         ids = list(systems)
         for system in ids:
@@ -55,7 +60,11 @@ class Link:
             transport_for(parse_endpoint(text), self._bytes_handler(number)) for number, text in enumerate(endpoints)
         ]
         streams = {number for number, each in enumerate(self._transports) if each.endpoint.is_stream}
-        self._router = Router(ids, own=own, limits=limits, streams=streams)
+        numbers = {each.endpoint: number for number, each in enumerate(self._transports)}
+        transport_of = {system: numbers[parse_endpoint(text)] for system, text in (connections or {}).items()}
+        self._router = Router(
+            ids, own=own, limits=limits, streams=streams, transport_of=transport_of, watchdog_s=watchdog_s
+        )
         self._clock = clock
         self._on_event = on_event or self.events.put_nowait
         self._on_frame = on_frame
@@ -120,7 +129,11 @@ class Link:
     @property
     def vehicle_links(self) -> tuple[VehicleLink, ...]:
         """Every vehicle's share of the link."""
-        return self._router.vehicle_links
+        return tuple(map(self.vehicle_link, self._router.vehicles))
+
+    def vehicle_link(self, system: int) -> VehicleLink:
+        """One vehicle's share of the link."""
+        return self._router.vehicle_link(system, self.now())
 
     @property
     def strangers(self) -> tuple[Stranger, ...]:
@@ -129,8 +142,11 @@ class Link:
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """Which endpoints cannot carry anything now, and why, for a person."""
-        return tuple(f"{each.endpoint}: {each.problem}" for each in self._transports if each.problem is not None)
+        """What of the link does not work now, for a person."""
+        down = [f"{each.endpoint}: {each.problem}" for each in self._transports if each.problem is not None]
+        if self._router.heartbeat.withheld:
+            down.append("heartbeat withheld: the mission does not move")
+        return tuple(down)
 
     @property
     def dropped_datagrams(self) -> int:
@@ -152,6 +168,16 @@ class Link:
         if self._clock is None:
             raise RuntimeError("the link is not open")
         return self._clock()
+
+    def keep_alive(self) -> None:
+        """Say that the work the heartbeat stands for is being done; see ``watchdog_s``."""
+        self._router.heartbeat.keep_alive(self.now())
+
+    def register(self, system: int, address: str) -> None:
+        """Listen to a vehicle at another address that claims to be it. Raises BadInput for one that does not."""
+        self._vehicle(system)
+        self._router.register(system, address)
+        self._stir.set()
 
     def hover(self, system: int, order: HoverOrder) -> None:
         """See ``Vehicle.hover``. Raises BadInput for a vehicle that is not in the fleet."""

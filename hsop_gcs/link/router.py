@@ -1,20 +1,23 @@
 """Between datagrams and vehicles: who sent this frame, whose message is that, and what of it all is no good.
 
-One decoder and one encoder per peer, so that sequence numbers mean something. A vehicle is bound to the peer that its
-heartbeat came from:
+One decoder and one encoder per peer, so that sequence numbers mean something. A vehicle is registered with the address
+that its first heartbeat came from, and stays so, whether its link is lost or not:
 
-    unbound ──autopilot's heartbeat──► bound ──link lost──► unbound
-                                         └─ a frame of the same id from another peer: refused and counted
+    unknown ──autopilot's heartbeat, over its own endpoint──► registered ◄──an operator registers another address──┐
+                                                                  └──frame of the same id from another address:────┘
+                                                                     refused, counted, told
 
 Without I/O, like the machines below it: a recording can be played through it with any clock.
 """
 
-from collections.abc import Container, Iterable
-from dataclasses import dataclass
+from collections.abc import Container, Iterable, Mapping
 
+from hsop_gcs.errors import BadInput
+from hsop_gcs.link.account import Account, LinkCounters, Stranger, VehicleLink
 from hsop_gcs.link.codec import Decoder, DecoderCounters, Encoder, Frame
+from hsop_gcs.link.endpoint import Peer
 from hsop_gcs.link.enums import MavComponent
-from hsop_gcs.link.events import Event
+from hsop_gcs.link.events import AddressRefused, AddressRegistered, Event
 from hsop_gcs.link.identity import GROUND_STATION, Identity
 from hsop_gcs.link.messages import Heartbeat, Message
 from hsop_gcs.link.protocol.heartbeat import OwnHeartbeat
@@ -24,65 +27,6 @@ _MOST_PEERS = 256
 _MOST_STRANGERS = 64
 _REORDERED = 200
 """A sequence number that seems to leap further than this is an old frame that came late, or a copy."""
-
-
-@dataclass(frozen=True, slots=True, order=True)
-class Peer:
-    """Where datagrams come from and go to: which of our transports, and the address behind it."""
-
-    transport: int
-    host: str
-    port: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkCounters:
-    """What went through the link since it was opened."""
-
-    received: int
-    sent: int
-    bad_frames: int
-    unknown_messages: int
-    """Good frames whose message id this system does not speak."""
-    lost: int
-    """Frames missing between the sequence numbers that came."""
-    not_in_fleet: int
-    refused: int
-    """Frames that carried a vehicle's id but came from another peer than the one it is bound to."""
-    peers_turned_away: int
-    """Datagrams from addresses beyond the number of peers we keep account of."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Stranger:
-    """A system that is heard and not in the fleet."""
-
-    system: int
-    component: int
-    peer: Peer
-    frames: int
-    last_heard_s: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleLink:
-    """One vehicle's share of the link."""
-
-    system: int
-    peer: Peer | None
-    received: int
-    lost: int
-    refused: int
-    commands_resent: int
-    command_noise: int
-
-
-@dataclass(slots=True)
-class _Tally:
-    peer: Peer | None = None
-    received: int = 0
-    lost: int = 0
-    refused: int = 0
 
 
 class Router:
@@ -95,17 +39,23 @@ class Router:
         own: Identity = GROUND_STATION,
         limits: VehicleLimits | None = None,
         streams: Container[int] = (),
+        transport_of: Mapping[int, int] | None = None,
+        watchdog_s: float | None = None,
     ) -> None:
-        """streams: which transports carry bytes without the bounds of datagrams."""
+        """streams: which transports carry bytes without the bounds of datagrams. transport_of: where a system must
+        be heard first; one that is left out may be heard anywhere. watchdog_s: see ``OwnHeartbeat``.
+        """
         self.own = own
         self._streams = streams
+        self._transport_of = transport_of or {}
         self.vehicles = {system: Vehicle(system, own=own, limits=limits) for system in systems}
-        self._heartbeat = OwnHeartbeat()
+        self.heartbeat = OwnHeartbeat(watchdog_s=watchdog_s)
         self._always: list[Peer] = []
         self._decoders: dict[Peer, Decoder] = {}
         self._encoders: dict[Peer, Encoder] = {}
         self._sequences: dict[tuple[Peer, int, int], int] = {}
-        self._tallies = {system: _Tally() for system in self.vehicles}
+        self._accounts = {system: Account() for system in self.vehicles}
+        self._events: list[Event] = []
         self._strangers: dict[tuple[int, int], Stranger] = {}
         self._forgotten = DecoderCounters()
         self._sent = self._lost = self._not_in_fleet = self._turned_away = 0
@@ -138,12 +88,12 @@ class Router:
     @property
     def wake_at(self) -> float | None:
         """When ``advance`` has something to do; None before its first call."""
-        times = [self._heartbeat.wake_at, *(vehicle.wake_at for vehicle in self.vehicles.values())]
+        times = [self.heartbeat.wake_at, *(vehicle.wake_at for vehicle in self.vehicles.values())]
         return min((at for at in times if at is not None), default=None)
 
     def advance(self, now: float) -> None:
         """Let every machine do what is due."""
-        self._heartbeat.advance(now)
+        self.heartbeat.advance(now)
         for vehicle in self.vehicles.values():
             wake_at = vehicle.wake_at
             if wake_at is not None and now >= wake_at:
@@ -152,9 +102,9 @@ class Router:
     def take_outgoing(self) -> list[tuple[Peer, bytes]]:
         """Return the frames to be sent and where to, once."""
         outgoing: list[tuple[Peer, bytes]] = []
-        bound = {system: tally.peer for system, tally in self._tallies.items()}
+        bound = {system: account.peer for system, account in self._accounts.items()}
         peers = dict.fromkeys([*self._always, *(peer for peer in bound.values() if peer is not None)])
-        for message in self._heartbeat.take_outgoing():
+        for message in self.heartbeat.take_outgoing():
             outgoing += [(peer, self._encode(message, peer)) for peer in peers]
         for system, vehicle in self.vehicles.items():
             peer = bound[system]
@@ -166,7 +116,21 @@ class Router:
 
     def take_events(self) -> list[Event]:
         """Return what happened, once."""
-        return [event for vehicle in self.vehicles.values() for event in vehicle.take_events()]
+        events, self._events = self._events, []
+        return events + [event for vehicle in self.vehicles.values() for event in vehicle.take_events()]
+
+    def register(self, system: int, address: str) -> None:
+        """Listen to a vehicle at another address from now on. Raises BadInput for one that does not claim to be it."""
+        account = self._accounts[system]
+        peer = account.claimants.get(address)
+        if peer is None:
+            heard = ", ".join(account.claimants) or "nobody"
+            raise BadInput(
+                "address", f"nothing was heard of system {system} from {address!r} (other than known: {heard})"
+            )
+        before = account.peer.address if account.peer is not None else None
+        account.register(peer)
+        self._events.append(AddressRegistered(system=system, address=address, before=before))
 
     @property
     def counters(self) -> LinkCounters:
@@ -179,7 +143,7 @@ class Router:
             unknown_messages=sum(counters.unknown for counters in decoders),
             lost=self._lost,
             not_in_fleet=self._not_in_fleet,
-            refused=sum(tally.refused for tally in self._tallies.values()),
+            refused=sum(account.refused for account in self._accounts.values()),
             peers_turned_away=self._turned_away,
         )
 
@@ -188,25 +152,28 @@ class Router:
         """Who is heard and not in the fleet."""
         return tuple(self._strangers.values())
 
-    @property
-    def vehicle_links(self) -> tuple[VehicleLink, ...]:
-        """Every vehicle's share of the link."""
-        return tuple(
-            VehicleLink(
-                system=system,
-                peer=tally.peer,
-                received=tally.received,
-                lost=tally.lost,
-                refused=tally.refused,
-                commands_resent=self.vehicles[system].commands_resent,
-                command_noise=self.vehicles[system].command_noise,
-            )
-            for system, tally in self._tallies.items()
+    def vehicle_link(self, system: int, now: float) -> VehicleLink:
+        """One vehicle's share of the link."""
+        account, vehicle = self._accounts[system], self.vehicles[system]
+        decoder = self._decoders.get(account.peer) if account.peer is not None else None
+        return VehicleLink(
+            system=system,
+            peer=account.peer,
+            claimants=tuple(account.claimants),
+            received=account.received,
+            rate_hz=account.rate_hz(now),
+            lost=account.lost,
+            loss=account.loss(now),
+            bad_frames=0 if decoder is None else decoder.counters.bad_frames,
+            refused=account.refused,
+            round_trip_s=vehicle.round_trip_s,
+            commands_resent=vehicle.commands_resent,
+            command_noise=vehicle.command_noise,
         )
 
     def _forget_a_peer(self) -> bool:
         """Make room by forgetting the oldest peer that is no vehicle's: a flood of addresses shall lock nobody out."""
-        bound = {tally.peer for tally in self._tallies.values()}
+        bound = {account.peer for account in self._accounts.values()}
         peer = next((peer for peer in self._decoders if peer not in bound), None)
         if peer is None:
             return False
@@ -218,21 +185,28 @@ class Router:
         return True
 
     def _deliver(self, frame: Frame, peer: Peer, lost: int, now: float) -> None:
-        vehicle, tally = self.vehicles[frame.system], self._tallies[frame.system]
+        vehicle, account = self.vehicles[frame.system], self._accounts[frame.system]
         # Silence counts from now on, not from when somebody last looked at the clock.
         wake_at = vehicle.wake_at
         if wake_at is not None and now >= wake_at:
             vehicle.advance(now)
-        if tally.peer != peer:
-            if vehicle.state.link_up:
-                tally.refused += 1
-                return
-            if not (isinstance(frame.message, Heartbeat) and frame.component == MavComponent.AUTOPILOT1):
-                return
-            tally.peer = peer
-        tally.received += 1
-        tally.lost += lost
+        if account.peer != peer and not self._registers(frame, peer):
+            return
+        account.take(lost, now)
         vehicle.receive(frame.message, now, component=frame.component)
+
+    def _registers(self, frame: Frame, peer: Peer) -> bool:
+        """Whether a frame from an address that is not its vehicle's makes it so; if not, it is refused."""
+        account = self._accounts[frame.system]
+        at_home = self._transport_of.get(frame.system, peer.transport) == peer.transport
+        if account.peer is None and at_home:
+            if not (isinstance(frame.message, Heartbeat) and frame.component == MavComponent.AUTOPILOT1):
+                return False
+            account.register(peer)
+        elif account.refuse(peer):
+            registered = account.peer.address if account.peer is not None else None
+            self._events.append(AddressRefused(system=frame.system, address=peer.address, registered=registered))
+        return account.peer == peer
 
     def _note_stranger(self, frame: Frame, peer: Peer, now: float) -> None:
         self._not_in_fleet += 1

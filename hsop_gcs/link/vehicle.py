@@ -26,6 +26,7 @@ from hsop_gcs.link.protocol.command import INSISTENT, CommandLimits, CommandSend
 from hsop_gcs.link.protocol.gimbal import Gimbal, GimbalTolerances
 from hsop_gcs.link.protocol.heartbeat import Presence
 from hsop_gcs.link.protocol.hover import Hover, HoverLimits, HoverOrder, Phase, why_not_ready
+from hsop_gcs.link.protocol.round_trip import RoundTrip
 from hsop_gcs.link.protocol.subscriptions import Subscriptions
 from hsop_gcs.link.protocol.take_off import TakeOff, set_mode
 from hsop_gcs.link.protocol.telemetry import Telemetry, VehicleState
@@ -73,6 +74,7 @@ class Vehicle:
         self._hover = Hover(self._telemetry, self._commands, limits=limits.hover)
         self._gimbal = Gimbal(self._telemetry, self._commands, own=own, tolerances=limits.gimbal)
         self._take_off = TakeOff(self._telemetry, self._commands)
+        self._round_trip = RoundTrip()
         self._operator: dict[int, str] = {}
         self._on_station = False
         self._events: list[Event] = []
@@ -113,6 +115,11 @@ class Vehicle:
     def commands_resent(self) -> int:
         """How often a command was sent again."""
         return self._commands.resent
+
+    @property
+    def round_trip_s(self) -> float | None:
+        """How long a message takes to the vehicle and back; None while it is not measured."""
+        return self._round_trip.seconds
 
     def why_not_ready(self, now: float) -> str | None:
         """Return why the vehicle cannot take a hover order now, for a person; None if it can."""
@@ -166,6 +173,7 @@ class Vehicle:
             self._hover,
             self._gimbal,
             self._take_off,
+            self._round_trip,
         )
         return min((at for at in (machine.wake_at for machine in machines) if at is not None), default=None)
 
@@ -180,6 +188,7 @@ class Vehicle:
         if component == MavComponent.AUTOPILOT1:
             self._hover.receive(message, now)
             self._take_off.receive(message, now)
+            self._round_trip.receive(message, now)
         self._subscriptions.receive(message, now)
         self._collect(now)
 
@@ -194,11 +203,12 @@ class Vehicle:
         self._hover.advance(now)
         self._gimbal.advance(now)
         self._take_off.advance(now)
+        self._round_trip.advance(now)
         self._collect(now)
 
     def take_outgoing(self) -> list[Message]:
         """Return what is to be sent to the vehicle, once."""
-        return self._commands.take_outgoing() + self._hover.take_outgoing()
+        return self._commands.take_outgoing() + self._hover.take_outgoing() + self._round_trip.take_outgoing()
 
     def take_events(self) -> list[Event]:
         """Return what happened, once."""
@@ -230,8 +240,10 @@ class Vehicle:
             if isinstance(event, LinkUp):
                 self._subscriptions.link_up(now)
                 self._gimbal.link_up(now)
+                self._round_trip.link_up(now)
             elif isinstance(event, LinkLost):
                 self._subscriptions.link_lost()
+                self._round_trip.link_lost()
 
     def _settle(self, now: float) -> None:
         # An outcome may make a machine submit again, and that may end at once: until nothing is left.

@@ -182,6 +182,11 @@ class Mission:
         self._take(HostsHeld(time_s=self.clock(), hosts=tuple(host.id for host in hosts)))
         return [host.id for host in hosts]
 
+    def register(self, host_id: str, address: str) -> None:
+        """Listen to a host at another address from now on. Raises NotKnown; BadInput for one that was not heard."""
+        (host,) = self._hosts([host_id])
+        self.link.register(host.system_id, address)
+
     @property
     def planner_ready(self) -> bool:
         return self._solver.ready
@@ -223,6 +228,7 @@ class Mission:
                     self._advance(tasks)
                 except Unavailable:
                     log.exception("the mission stands still until its journal can be written")
+                self.link.keep_alive()
                 self._changed.clear()
                 try:
                     await asyncio.wait_for(self._changed.wait(), _TICK_S)

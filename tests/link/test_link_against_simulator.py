@@ -70,6 +70,7 @@ async def fly(link: Link, fleet: SimulatedFleet, events: list[Event]) -> None:
         really_m = LOCAL.to_enu(flown.config.home) + np.array(flown.state.position_m)
         assert np.linalg.norm(really_m - LOCAL.to_enu(progress.order.point)) < 1.0 * METRE
     assert link.strangers == ()
+    assert all(each.round_trip_s is not None and each.rate_hz > 5 for each in link.vehicle_links)
 
 
 @pytest.mark.parametrize("autopilot", list(Autopilot))

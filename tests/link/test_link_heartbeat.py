@@ -33,6 +33,21 @@ def test_after_a_stall_one_heartbeat_is_sent_and_not_the_missed_ones() -> None:
     assert len(ours.take_outgoing()) == 1
 
 
+def test_a_watched_heartbeat_is_withheld_until_fed_and_as_soon_as_nobody_feeds_it() -> None:
+    ours = OwnHeartbeat(watchdog_s=3.0)
+    sent_at_s = []
+    for step in range(200):
+        now = step / 10
+        if 5.0 <= now <= 10.0:
+            ours.keep_alive(now)
+        ours.advance(now)
+        sent_at_s += [now for _ in ours.take_outgoing()]
+        assert ours.wake_at is not None
+        assert ours.wake_at > now
+    assert (sent_at_s[0], sent_at_s[-1]) == (5.0, 13.0)
+    assert ours.withheld
+
+
 def test_a_link_is_up_at_the_first_heartbeat_and_not_before() -> None:
     presence = Presence(7)
     presence.receive(Attitude(), 0.0)

@@ -6,10 +6,11 @@ from pathlib import Path
 import pytest
 
 from hsop_gcs.geometry.frames import GeodeticPoint
+from hsop_gcs.link.endpoint import Peer
 from hsop_gcs.link.events import Arrived, Event, OrderAccepted, OrderFailed
 from hsop_gcs.link.messages import CommandInt, GimbalManagerInformation, SetPositionTargetGlobalInt
 from hsop_gcs.link.protocol.hover import HoverOrder
-from hsop_gcs.link.router import Peer, Router
+from hsop_gcs.link.router import Router
 from hsop_gcs.link.tlog import read_tlog
 from hsop_gcs.link.vehicle import Vehicle
 

@@ -2,11 +2,13 @@
 
 import pytest
 
+from hsop_gcs.errors import BadInput
 from hsop_gcs.link.codec import Decoder, Encoder
+from hsop_gcs.link.endpoint import Peer
 from hsop_gcs.link.enums import MavAutopilot, MavType
-from hsop_gcs.link.events import LinkLost, LinkUp
+from hsop_gcs.link.events import AddressRefused, AddressRegistered, LinkLost, LinkUp
 from hsop_gcs.link.messages import Attitude, CommandLong, Heartbeat, Message
-from hsop_gcs.link.router import Peer, Router
+from hsop_gcs.link.router import Router
 
 HERE = Peer(0, "127.0.0.1", 14541)
 THERE = Peer(0, "127.0.0.1", 14542)
@@ -61,31 +63,53 @@ def test_commands_go_to_the_peer_of_their_vehicle_only() -> None:
 def test_a_vehicle_is_bound_to_the_peer_of_its_first_heartbeat() -> None:
     router = Router([1])
     router.receive(Sender(1)(Attitude(yaw=1.0)), THERE, 0.0)
-    assert router.vehicle_links[0].peer is None
+    assert router.vehicle_link(1, 1.0).peer is None
     router.receive(Sender(1)(), HERE, 0.1)
-    assert router.vehicle_links[0].peer == HERE
+    assert router.vehicle_link(1, 1.0).peer == HERE
     assert router.take_events() == [LinkUp(system=1)]
 
 
-def test_another_sender_under_a_bound_id_is_refused_and_counted() -> None:
+def test_a_vehicle_that_changes_its_address_is_refused_told_and_counted_until_an_operator_registers_it() -> None:
     router = Router([1])
     router.receive(Sender(1)(), HERE, 0.0)
-    impostor = Sender(1)
-    router.receive(impostor(), THERE, 0.5)
-    router.receive(impostor(Attitude(yaw=2.0)), THERE, 0.6)
-    assert router.counters.refused == 2
+    elsewhere = Sender(1)
+    router.receive(elsewhere(), THERE, 0.5)
+    router.receive(elsewhere(Attitude(yaw=2.0)), THERE, 0.6)
+    router.receive(elsewhere(), THERE, 60.0)
+    assert [type(event) for event in router.take_events()] == [AddressRefused, LinkUp, LinkLost]
+    link = router.vehicle_link(1, 60.0)
+    assert (link.peer, link.refused, link.claimants) == (HERE, 3, ("127.0.0.1:14542",))
+    assert router.counters.refused == 3
     assert router.vehicles[1].state.heading_deg is None
-    assert router.vehicle_links[0].peer == HERE
+
+    with pytest.raises(BadInput, match=r"address: nothing was heard of system 1 from '10\.0\.0\.9:1'.*127.0.0.1:14542"):
+        router.register(1, "10.0.0.9:1")
+    router.register(1, "127.0.0.1:14542")
+    router.receive(elsewhere(), THERE, 61.0)
+    router.receive(Sender(1)(), HERE, 61.1)
+    registered, refused, up = router.take_events()
+    assert registered == AddressRegistered(system=1, address="127.0.0.1:14542", before="127.0.0.1:14541")
+    assert refused == AddressRefused(system=1, address="127.0.0.1:14541", registered="127.0.0.1:14542")
+    assert up == LinkUp(system=1)
+    router.advance(61.2)
+    assert set(destinations(router, Heartbeat)) == {THERE}
 
 
-def test_a_vehicle_may_move_to_another_peer_once_its_link_is_lost() -> None:
-    router = Router([1])
-    router.receive(Sender(1)(), HERE, 0.0)
-    router.receive(Sender(1)(), THERE, 3.0)
-    assert router.vehicle_links[0].peer == HERE
-    router.receive(Sender(1)(), THERE, 4.0)
-    assert router.vehicle_links[0].peer == THERE
-    assert [type(event) for event in router.take_events()] == [LinkUp, LinkLost, LinkUp]
+def test_a_flood_of_claims_tells_of_a_few_and_counts_all() -> None:
+    router, sender = Router([1]), Sender(1)
+    router.receive(sender(), HERE, 0.0)
+    for port in range(1000):
+        router.receive(sender(), Peer(0, "10.0.0.1", port), 0.0)
+    assert sum(isinstance(event, AddressRefused) for event in router.take_events()) == 8
+    assert router.vehicle_link(1, 0.0).refused == 1000
+
+
+def test_a_vehicle_is_first_heard_at_its_own_endpoint_or_waits_for_an_operator() -> None:
+    router, elsewhere = Router([1], transport_of={1: 1}), Peer(0, "127.0.0.1", 14541)
+    router.receive(Sender(1)(), elsewhere, 0.0)
+    assert router.take_events() == [AddressRefused(system=1, address="127.0.0.1:14541", registered=None)]
+    router.receive(Sender(1)(), Peer(1, "127.0.0.1", 14541), 0.0)
+    assert router.take_events() == [LinkUp(system=1)]
 
 
 def test_a_system_outside_the_fleet_is_listed_and_not_listened_to() -> None:
@@ -106,7 +130,7 @@ def test_gaps_in_the_sequence_are_counted_as_lost() -> None:
         if number % 10:
             router.receive(raw, HERE, 0.0)
     assert router.counters.lost == 59
-    assert router.vehicle_links[0].lost == 59
+    assert router.vehicle_link(1, 1.0).lost == 59
 
 
 def test_frames_that_overtook_each_other_or_came_twice_are_not_lost() -> None:
@@ -152,3 +176,25 @@ def test_a_gimbal_component_speaks_for_itself_and_not_for_the_vehicle() -> None:
     router = Router([1])
     router.receive(Sender(1, component=154)(), HERE, 0.0)
     assert not router.vehicles[1].state.link_up
+
+
+def test_rate_and_loss_are_those_of_the_last_seconds() -> None:
+    router, sender = Router([1]), Sender(1)
+    for number in range(1000):
+        raw = sender()
+        if number >= 500 or number % 2:
+            router.receive(raw, HERE, number / 50)
+    link = router.vehicle_link(1, 20.0)
+    assert (link.rate_hz, link.loss, link.lost) == (50.0, 0.0, 249)
+    link = router.vehicle_link(1, 60.0)
+    assert (link.rate_hz, link.loss) == (0.0, None)
+
+
+def test_every_second_frame_missing_is_half_lost() -> None:
+    router, sender = Router([1]), Sender(1)
+    for number in range(500):
+        raw = sender()
+        if number % 2:
+            router.receive(raw, HERE, number / 50)
+    link = router.vehicle_link(1, 10.0)
+    assert (link.rate_hz, link.loss) == (25.0, 0.5)

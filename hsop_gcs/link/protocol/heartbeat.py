@@ -13,11 +13,26 @@ HEARTBEAT_PERIOD_S = 1.0
 
 
 class OwnHeartbeat:
-    """A ground station's heartbeat at 1 Hz."""
+    """A ground station's heartbeat at 1 Hz.
 
-    def __init__(self) -> None:
+    watchdog_s: withhold it when ``keep_alive`` was not called for so long; None: nobody is watched.
+    """
+
+    def __init__(self, *, watchdog_s: float | None = None) -> None:
+        self._watchdog_s = watchdog_s
+        self._alive_s: float | None = None
+        self._withheld = False
         self._outgoing: list[Message] = []
         self._due_s: float | None = None
+
+    @property
+    def withheld(self) -> bool:
+        """Whether the newest heartbeat was not sent because whoever should feed it does not."""
+        return self._withheld
+
+    def keep_alive(self, now: float) -> None:
+        """Called by the loop whose life the heartbeat stands for, every time it has done its work."""
+        self._alive_s = now
 
     @property
     def wake_at(self) -> float | None:
@@ -30,10 +45,15 @@ class OwnHeartbeat:
     def advance(self, now: float) -> None:
         """Emit what is due. After a long stall one heartbeat is sent, not a burst of the missed ones."""
         if self._due_s is None or now >= self._due_s:
+            self._due_s = now + HEARTBEAT_PERIOD_S
+            self._withheld = self._watchdog_s is not None and (
+                self._alive_s is None or now - self._alive_s > self._watchdog_s
+            )
+            if self._withheld:
+                return
             self._outgoing.append(
                 Heartbeat(type=MavType.GCS, autopilot=MavAutopilot.INVALID, system_status=MavState.ACTIVE)
             )
-            self._due_s = now + HEARTBEAT_PERIOD_S
 
     def take_outgoing(self) -> list[Message]:
         """Return what is to be sent, once."""

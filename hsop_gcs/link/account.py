@@ -1,0 +1,110 @@
+"""What is kept account of on a link, so that nothing is lost in silence."""
+
+from collections import deque
+from dataclasses import dataclass
+
+from hsop_gcs.link.endpoint import Peer
+
+_WINDOW_S = 5
+_MOST_CLAIMANTS = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkCounters:
+    """What went through the link since it was opened."""
+
+    received: int
+    sent: int
+    bad_frames: int
+    unknown_messages: int
+    """Good frames whose message id this system does not speak."""
+    lost: int
+    """Frames missing between the sequence numbers that came."""
+    not_in_fleet: int
+    refused: int
+    """Frames that carried a vehicle's id but came from another address than the one it is registered with."""
+    peers_turned_away: int
+    """Datagrams from addresses beyond the number of peers we keep account of."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stranger:
+    """A system that is heard and not in the fleet."""
+
+    system: int
+    component: int
+    peer: Peer
+    frames: int
+    last_heard_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleLink:
+    """One vehicle's share of the link."""
+
+    system: int
+    peer: Peer | None
+    """Where it is registered: nothing else is listened to under its id."""
+    claimants: tuple[str, ...]
+    """Other addresses that spoke under its id and wait for an operator."""
+    received: int
+    rate_hz: float
+    """Frames a second over the last five."""
+    lost: int
+    loss: float | None
+    """Share of frames lost over the last five seconds; None if nothing came."""
+    bad_frames: int
+    """From its address: shared by vehicles behind one radio."""
+    refused: int
+    round_trip_s: float | None
+    commands_resent: int
+    command_noise: int
+
+
+class Account:
+    """One vehicle's account."""
+
+    def __init__(self) -> None:
+        self.peer: Peer | None = None
+        self.claimants: dict[str, Peer] = {}
+        self.received = 0
+        self.lost = 0
+        self.refused = 0
+        self._seconds: deque[tuple[int, int, int]] = deque(maxlen=_WINDOW_S + 1)
+
+    def take(self, lost: int, now: float) -> None:
+        """Count a frame, and those missing before it."""
+        self.received += 1
+        self.lost += lost
+        second = int(now)
+        if self._seconds and self._seconds[-1][0] == second:
+            _, received, lost_before = self._seconds.pop()
+            self._seconds.append((second, received + 1, lost_before + lost))
+        else:
+            self._seconds.append((second, 1, lost))
+
+    def refuse(self, peer: Peer) -> bool:
+        """Count a frame from an address that is not the vehicle's; return whether that address is a new one."""
+        self.refused += 1
+        if peer.address in self.claimants or len(self.claimants) >= _MOST_CLAIMANTS:
+            return False
+        self.claimants[peer.address] = peer
+        return True
+
+    def register(self, peer: Peer) -> None:
+        """Listen to this address from now on, and to no other."""
+        self.peer = peer
+        self.claimants.clear()
+
+    def rate_hz(self, now: float) -> float:
+        """Frames a second over the last whole seconds."""
+        return sum(received for received, _ in self._window(now)) / _WINDOW_S
+
+    def loss(self, now: float) -> float | None:
+        """Share of frames that were lost over the same time; None if nothing came."""
+        window = self._window(now)
+        received, lost = sum(each[0] for each in window), sum(each[1] for each in window)
+        return lost / (received + lost) if received else None
+
+    def _window(self, now: float) -> list[tuple[int, int]]:
+        return [(received, lost) for second, received, lost in self._seconds if 0 < int(now) - second <= _WINDOW_S]
