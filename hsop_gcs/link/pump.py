@@ -205,10 +205,9 @@ class Link:
         self._stir.set()
 
     def _vehicle(self, system: int) -> Vehicle:
-        vehicle = self._router.vehicles.get(system)
-        if vehicle is None:
+        if system not in self._router.vehicles:
             raise BadInput("system", f"{system} is not in the fleet {sorted(self._router.vehicles)}")
-        return vehicle
+        return self._router.touch(system)
 
     def _bytes_handler(self, number: int) -> Callable[[bytes, Address], None]:
         def on_bytes(data: bytes, address: Address) -> None:

@@ -10,6 +10,7 @@ that its first heartbeat came from, and stays so, whether its link is lost or no
 Without I/O, like the machines below it: a recording can be played through it with any clock.
 """
 
+import math
 from collections.abc import Container, Iterable, Mapping
 
 from hsop_gcs.errors import BadInput
@@ -55,6 +56,10 @@ class Router:
         self._encoders: dict[Peer, Encoder] = {}
         self._sequences: dict[tuple[Peer, int, int], int] = {}
         self._accounts = {system: Account() for system in self.vehicles}
+        # With a hundred vehicles most of them are idle at any moment: only those that were touched are looked at.
+        self._wakes: dict[int, float] = {}
+        self._to_send: dict[int, None] = {}
+        self._to_tell: dict[int, None] = {}
         self._events: list[Event] = []
         self._strangers: dict[tuple[int, int], Stranger] = {}
         self._forgotten = DecoderCounters()
@@ -85,30 +90,45 @@ class Router:
                 self._note_stranger(frame, peer, now)
         return frames
 
+    def touch(self, system: int) -> Vehicle:
+        """Return a vehicle that is about to be given an order; the next ``advance`` sees what it makes of it."""
+        self._wakes[system] = -math.inf
+        return self.vehicles[system]
+
     @property
     def wake_at(self) -> float | None:
         """When ``advance`` has something to do; None before its first call."""
-        times = [self.heartbeat.wake_at, *(vehicle.wake_at for vehicle in self.vehicles.values())]
-        return min((at for at in times if at is not None), default=None)
+        return min((at for at in (self.heartbeat.wake_at, *self._wakes.values()) if at is not None), default=None)
 
     def advance(self, now: float) -> None:
         """Let every machine do what is due."""
         self.heartbeat.advance(now)
-        for vehicle in self.vehicles.values():
-            wake_at = vehicle.wake_at
-            if wake_at is not None and now >= wake_at:
-                vehicle.advance(now)
+        for system in [system for system, wake_at in self._wakes.items() if now >= wake_at]:
+            self._advance(system, now)
+
+    def _advance(self, system: int, now: float) -> None:
+        self.vehicles[system].advance(now)
+        self._note(system)
+
+    def _note(self, system: int) -> None:
+        """Take note that a vehicle has moved on."""
+        self._to_send[system] = self._to_tell[system] = None
+        wake_at = self.vehicles[system].wake_at
+        if wake_at is None:
+            self._wakes.pop(system, None)
+        else:
+            self._wakes[system] = wake_at
 
     def take_outgoing(self) -> list[tuple[Peer, bytes]]:
         """Return the frames to be sent and where to, once."""
         outgoing: list[tuple[Peer, bytes]] = []
-        bound = {system: account.peer for system, account in self._accounts.items()}
-        peers = dict.fromkeys([*self._always, *(peer for peer in bound.values() if peer is not None)])
         for message in self.heartbeat.take_outgoing():
-            outgoing += [(peer, self._encode(message, peer)) for peer in peers]
-        for system, vehicle in self.vehicles.items():
-            peer = bound[system]
-            messages = vehicle.take_outgoing()
+            bound = [account.peer for account in self._accounts.values() if account.peer is not None]
+            outgoing += [(peer, self._encode(message, peer)) for peer in dict.fromkeys([*self._always, *bound])]
+        to_send, self._to_send = self._to_send, {}
+        for system in to_send:
+            peer = self._accounts[system].peer
+            messages = self.vehicles[system].take_outgoing()
             if peer is not None:
                 outgoing += [(peer, self._encode(message, peer)) for message in messages]
         self._sent += len(outgoing)
@@ -117,7 +137,8 @@ class Router:
     def take_events(self) -> list[Event]:
         """Return what happened, once."""
         events, self._events = self._events, []
-        return events + [event for vehicle in self.vehicles.values() for event in vehicle.take_events()]
+        to_tell, self._to_tell = self._to_tell, {}
+        return events + [event for system in to_tell for event in self.vehicles[system].take_events()]
 
     def register(self, system: int, address: str) -> None:
         """Listen to a vehicle at another address from now on. Raises BadInput for one that does not claim to be it."""
@@ -187,13 +208,13 @@ class Router:
     def _deliver(self, frame: Frame, peer: Peer, lost: int, now: float) -> None:
         vehicle, account = self.vehicles[frame.system], self._accounts[frame.system]
         # Silence counts from now on, not from when somebody last looked at the clock.
-        wake_at = vehicle.wake_at
-        if wake_at is not None and now >= wake_at:
-            vehicle.advance(now)
+        if now >= self._wakes.get(frame.system, math.inf):
+            self._advance(frame.system, now)
         if account.peer != peer and not self._registers(frame, peer):
             return
         account.take(lost, now)
         vehicle.receive(frame.message, now, component=frame.component)
+        self._note(frame.system)
 
     def _registers(self, frame: Frame, peer: Peer) -> bool:
         """Whether a frame from an address that is not its vehicle's makes it so; if not, it is refused."""
