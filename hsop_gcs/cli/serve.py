@@ -10,7 +10,9 @@ def register(app: typer.Typer) -> None:
     @app.command()
     def serve(
         config: Annotated[Path, typer.Option(help="The fleet file, FLEET.toml.", metavar="FLEET.toml")],
+        host: Annotated[str | None, typer.Option(help="Instead of the file's service.host.")] = None,
         port: Annotated[int | None, typer.Option(help="Instead of the file's service.port.")] = None,
+        journal: Annotated[str | None, typer.Option(help="Instead of the file's service.journal.")] = None,
     ) -> None:
         """Run the service: threat reports in over HTTP, hover points and camera aims out over MAVLink."""
         import asyncio
@@ -20,9 +22,10 @@ def register(app: typer.Typer) -> None:
         from hsop_gcs.settings import read_settings
 
         settings = read_settings(config)
-        if port is not None:
-            service = settings.service.model_copy(update={"port": port})
-            settings = settings.model_copy(update={"service": service})
+        given = {
+            name: value for name, value in (("host", host), ("port", port), ("journal", journal)) if value is not None
+        }
+        settings = settings.model_copy(update={"service": settings.service.model_copy(update=given)})
         logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
 
         def ready(address: str) -> None:
