@@ -176,7 +176,7 @@ def _nonlinear_program(ca: Any, q: Question, views: list[Views], hosts: int) -> 
     x = ca.MX.sym("x", 4 * hosts)
     cost: Any = 0
     constraints: list[Any] = []
-    half_fov_cosine = math.cos(0.5 * q.fov_rad * (1 - INSIDE))
+    half_fov_cosine = math.cos(0.5 * q.fov_rad[0] * (1 - INSIDE))
     for threat, (pair, cameras) in enumerate(views):
         for point in q.points_m[threat]:
             rays, lengths = [], []

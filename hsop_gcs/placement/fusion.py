@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.placement.objective import (
+    Eye,
     FloatArray,
     angle_from_central_axis,
     expected_error_m,
@@ -11,7 +12,7 @@ from hsop_gcs.placement.objective import (
     threat_points_m,
 )
 from hsop_gcs.placement.problem import Problem, Threat
-from hsop_gcs.placement.solution import HoverPose, Placement, ThreatPair, View
+from hsop_gcs.placement.solution import Placement, ThreatPair, View
 
 
 def with_more_views(problem: Problem, placement: Placement) -> Placement:
@@ -31,21 +32,22 @@ def _fused(
     problem: Problem, placement: Placement, pair: ThreatPair, threat: Threat, points_m: FloatArray
 ) -> ThreatPair:
     """Add the best view, one after the other."""
-    poses = {pose.host: pose for pose in placement.hosts}
-    chosen = list(pair.views)
-    waiting = [
-        View(host=pose.host, camera=camera)
+    eyes = {
+        View(host=pose.host, camera=camera): Eye(pose, problem.rig_of(pose.host), camera)
         for pose in placement.hosts
         for camera in CameraKind
-        if View(host=pose.host, camera=camera) not in chosen
-        and all(_sees(problem, threat, pose, camera, point) for point in points_m)
+    }
+    chosen = list(pair.views)
+    waiting = [
+        view
+        for view, eye in eyes.items()
+        if view not in chosen and all(_sees(eye, threat.size_m, point) for point in points_m)
     ]
 
     def error_m(views: list[View]) -> float:
         return expected_error_m(
-            problem.rig,
             points_m,
-            [(poses[view.host], view.camera) for view in views],
+            [eyes[view] for view in views],
             position_sigma_m=problem.position_sigma_m,
             attitude_sigma_rad=problem.attitude_sigma_rad,
         )
@@ -57,12 +59,10 @@ def _fused(
     return replace(pair, more_views=tuple(chosen[2:]), expected_error_m=error_m(chosen))
 
 
-def _sees(problem: Problem, threat: Threat, pose: HoverPose, camera: CameraKind, point_m: FloatArray) -> bool:
-    """Return whether a camera as it is aimed detects the threat at a point."""
-    rig = problem.rig
-    width = pixel_width(rig, threat.size_m, pose, camera, point_m)
-    if camera is CameraKind.PERIPHERAL:
-        return width >= rig.peripheral.min_pixels
-    in_use = pose.pan_deg is not None
-    in_field = in_use and angle_from_central_axis(pose, point_m) <= rig.central.half_fov_rad
-    return in_field and width >= rig.central.min_pixels
+def _sees(eye: Eye, size_m: float, point_m: FloatArray) -> bool:
+    """Return whether a camera as it is aimed detects an object at a point."""
+    if pixel_width(eye, size_m, point_m) < eye.min_pixels:
+        return False
+    # The central camera's angle is not a number while it is not in use.
+    peripheral = eye.camera is CameraKind.PERIPHERAL
+    return peripheral or angle_from_central_axis(eye.pose, point_m) <= eye.rig.central.half_fov_rad

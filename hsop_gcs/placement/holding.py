@@ -6,10 +6,10 @@ import numpy as np
 
 from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.geometry.frames import aim_at, aim_between
-from hsop_gcs.placement.fusion import with_more_views
-from hsop_gcs.placement.objective import FloatArray, evaluate, threat_points_m
+from hsop_gcs.placement.answer import valued
+from hsop_gcs.placement.objective import FloatArray, margins, threat_points_m
 from hsop_gcs.placement.problem import Formulation, Point, Problem
-from hsop_gcs.placement.solution import HoverPose, Placement, Status
+from hsop_gcs.placement.solution import HoverPose, Placement
 
 _TOLERANCE = 1e-6
 _CONE_STEPS = 12
@@ -25,22 +25,11 @@ def held_over(placement: Placement, problem: Problem) -> Placement | None:
         return None
     points = {threat.id: at for threat, at in zip(problem.threats, threat_points_m(problem), strict=True)}
     hosts = tuple(_turned(pose, placement, points) for pose in placement.hosts)
-    worth = evaluate(problem, hosts, {pair.threat: pair.views for pair in placement.pairs})
-    if worth.margins.smallest < -_TOLERANCE:
+    views = {pair.threat: pair.views for pair in placement.pairs}
+    if margins(problem, hosts, views).smallest < -_TOLERANCE:
         return None
-    pairs = tuple(
-        replace(
-            pair,
-            cost=worth.pair_costs[pair.threat],
-            expected_error_m=worth.expected_errors_m[pair.threat],
-            more_views=(),
-        )
-        for pair in placement.pairs
-    )
-    held = replace(
-        placement, status=Status.FEASIBLE, hosts=hosts, pairs=pairs, cost=worth.cost, lower_bound=0.0, solve_time_s=0.0
-    )
-    return with_more_views(problem, held)
+    held = valued(problem, hosts, views)
+    return replace(held, method=placement.method, seed=placement.seed, iterations=placement.iterations)
 
 
 def _turned(pose: HoverPose, placement: Placement, points: dict[str, tuple[Point, Point]]) -> HoverPose:

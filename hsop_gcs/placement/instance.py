@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hsop_gcs.cameras.fisheye import FisheyeCamera
+from hsop_gcs.cameras.rig import CameraRig
 from hsop_gcs.placement.objective import threat_points_m, weight
 from hsop_gcs.placement.problem import Formulation, Problem
 
@@ -35,8 +36,10 @@ class Instance:
     """0: hosts may stand anywhere relative to each other."""
 
     @classmethod
-    def of(cls, problem: Problem) -> Self:
-        peripheral, central = problem.rig.peripheral, problem.rig.central
+    def of(cls, problem: Problem, rig: CameraRig | None = None) -> Self:
+        """Return the arrays of a problem whose hosts all carry ``rig``; by default the first of its rigs."""
+        rig = rig or problem.rigs[0]
+        peripheral, central = rig.peripheral, rig.central
         sizes = np.array([t.size_m for t in problem.threats])
         scale = np.array([peripheral.focal_length_px * sizes, central.focal_length_px * sizes])
         operational = problem.formulation is Formulation.OPERATIONAL

@@ -8,6 +8,7 @@ error.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +23,19 @@ Views = Mapping[str, tuple[View, View]]
 
 PIXEL_NOISE_PX = {CameraKind.PERIPHERAL: 30.0, CameraKind.CENTRAL: 3.0}
 """Standard deviation of a threat's place in the image, each axis (letter, section V)."""
+
+
+class Eye(NamedTuple):
+    """One camera of a host that hovers."""
+
+    pose: HoverPose
+    rig: CameraRig
+    camera: CameraKind
+
+    @property
+    def min_pixels(self) -> float:
+        """The smallest width at which its detector finds an object, pixels."""
+        return self.rig.central.min_pixels if self.camera is CameraKind.CENTRAL else self.rig.peripheral.min_pixels
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,17 +164,15 @@ def angle_from_central_axis(pose: HoverPose, point_m: npt.ArrayLike) -> float:
     return angle_between(axis, ray(pose, point_m))
 
 
-def pixel_width(rig: CameraRig, size_m: float, pose: HoverPose, camera: CameraKind, point_m: npt.ArrayLike) -> float:
-    """Return the width of an object at a point in the image of one of the host's cameras, pixels (Eqs. 3 and 4)."""
-    distance = float(np.linalg.norm(ray(pose, point_m)))
-    if camera is CameraKind.CENTRAL:
-        return float(rig.central.pixel_width(size_m, distance))
-    return float(rig.peripheral.pixel_width(size_m, distance, angle_from_nearer_boresight(pose, point_m)))
+def pixel_width(eye: Eye, size_m: float, point_m: npt.ArrayLike) -> float:
+    """Return the width of an object at a point in the image of one of a host's cameras, pixels (Eqs. 3 and 4)."""
+    distance = float(np.linalg.norm(ray(eye.pose, point_m)))
+    if eye.camera is CameraKind.CENTRAL:
+        return float(eye.rig.central.pixel_width(size_m, distance))
+    return float(eye.rig.peripheral.pixel_width(size_m, distance, angle_from_nearer_boresight(eye.pose, point_m)))
 
 
-def pair_cost(
-    rig: CameraRig, size_m: float, points_m: FloatArray, views: Sequence[tuple[HoverPose, CameraKind]]
-) -> float:
+def pair_cost(size_m: float, points_m: FloatArray, eyes: Sequence[Eye]) -> float:
     """Return one host-threat pair's share of Eq. 8 before weighting, over the points given.
 
     points_m: (points, 2 or 3), ENU. Infinite where both hosts look along one line or a camera does not see a point.
@@ -168,9 +180,9 @@ def pair_cost(
     total = 0.0
     for point in points_m:
         factor, rays = 1.0, []
-        for pose, camera in views:
-            pixels = pixel_width(rig, size_m, pose, camera, point)
-            rays.append(ray(pose, point))
+        for eye in eyes:
+            pixels = pixel_width(eye, size_m, point)
+            rays.append(ray(eye.pose, point))
             factor *= float(np.linalg.norm(rays[-1])) / pixels if pixels > 0 else math.inf
         sine = math.sin(angle_between(*rays))
         total += factor / sine if sine > 0 else math.inf
@@ -195,29 +207,28 @@ def noise_rad(rig: CameraRig, attitude_sigma_rad: float = 0.0) -> dict[CameraKin
 
 
 def expected_error_m(
-    rig: CameraRig,
     points_m: FloatArray,
-    views: Sequence[tuple[HoverPose, CameraKind]],
+    eyes: Sequence[Eye],
     *,
     position_sigma_m: float = 0.0,
     attitude_sigma_rad: float = 0.0,
 ) -> float:
     """Predict the root-mean-square error of a triangulated position, metres, to first order in the noise.
 
-    points_m: (points, 3), ENU. views: two or more. At each point the rays, of unit directions uᵢ and lengths dᵢ, carry
+    points_m: (points, 3), ENU. eyes: two or more. At each point the rays, of unit directions uᵢ and lengths dᵢ, carry
     the information J = Σ (I - uᵢuᵢᵀ) / sᵢ², sᵢ² = (σᵢdᵢ)² + (host's position noise)², with the angular noise σᵢ of
     ``noise_rad``. The mean squared error there is trace J⁻¹, which for two level rays is (s₁² + s₂²) / sin²θ across
     and 1 / (s₁⁻² + s₂⁻²) upwards; the points count equally. Infinite if the rays are parallel.
     """
-    angular = noise_rad(rig, attitude_sigma_rad)
+    angular = [noise_rad(eye.rig, attitude_sigma_rad)[eye.camera] for eye in eyes]
     squares = []
     for point in points_m:
         information = np.zeros((3, 3))
-        for pose, camera in views:
-            sight = ray(pose, point)
+        for eye, sigma in zip(eyes, angular, strict=True):
+            sight = ray(eye.pose, point)
             length = float(np.linalg.norm(sight))
             across = np.eye(3) - np.outer(sight, sight) / length**2
-            information += across / ((angular[camera] * length) ** 2 + position_sigma_m**2)
+            information += across / ((sigma * length) ** 2 + position_sigma_m**2)
         smallest = float(np.linalg.eigvalsh(information)[0])
         parallel = smallest <= 1e-14 * float(np.trace(information))
         squares.append(math.inf if parallel else float(np.trace(np.linalg.inv(information))))
@@ -235,19 +246,18 @@ def _as_formulated(problem: Problem, hosts: Sequence[HoverPose]) -> tuple[list[H
 
 def margins(problem: Problem, hosts: Sequence[HoverPose], views: Views) -> Margins:
     """Return the slack of every constraint of the problem's formulation (Eqs. 9-11; design: what we fly)."""
-    rig = problem.rig
     hosts, all_points, ways = _as_formulated(problem, hosts)
     poses = {pose.host: pose for pose in hosts}
     pixels, fov_deg, distance_m = [math.inf], [math.inf], [math.inf]
     for threat, points in zip(problem.threats, all_points, strict=True):
         for view in views[threat.id]:
             pose = poses[view.host]
-            needed = rig.central.min_pixels if view.camera is CameraKind.CENTRAL else rig.peripheral.min_pixels
+            eye = Eye(pose, problem.rig_of(view.host), view.camera)
             for point in points:
-                pixels.append(pixel_width(rig, threat.size_m, pose, view.camera, point) - needed)
+                pixels.append(pixel_width(eye, threat.size_m, point) - eye.min_pixels)
                 distance_m.append(math.dist(pose.position_m, point) - problem.safety_distance_m)
                 if view.camera is CameraKind.CENTRAL:
-                    fov_deg.append(rig.central.fov_deg / 2 - math.degrees(angle_from_central_axis(pose, point)))
+                    fov_deg.append(eye.rig.central.fov_deg / 2 - math.degrees(angle_from_central_axis(pose, point)))
     slack = Margins(pixels=min(pixels), fov_deg=min(fov_deg), distance_m=min(distance_m))
     if problem.formulation is Formulation.LETTER:
         return slack
@@ -271,12 +281,11 @@ def evaluate(problem: Problem, hosts: Sequence[HoverPose], views: Views) -> Eval
     poses = {pose.host: pose for pose in formulated}
     costs, errors = {}, {}
     for threat, points, ends in zip(problem.threats, all_points, threat_points_m(problem), strict=True):
-        seen_by = [(poses[view.host], view.camera) for view in views[threat.id]]
-        costs[threat.id] = weight(problem, threat) * pair_cost(problem.rig, threat.size_m, points, seen_by)
+        seen_by = [Eye(poses[view.host], problem.rig_of(view.host), view.camera) for view in views[threat.id]]
+        costs[threat.id] = weight(problem, threat) * pair_cost(threat.size_m, points, seen_by)
         errors[threat.id] = expected_error_m(
-            problem.rig,
             ends,
-            [(in_space[view.host], view.camera) for view in views[threat.id]],
+            [eye._replace(pose=in_space[eye.pose.host]) for eye in seen_by],
             position_sigma_m=problem.position_sigma_m,
             attitude_sigma_rad=problem.attitude_sigma_rad,
         )

@@ -5,29 +5,26 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
-from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.errors import BadInput
+from hsop_gcs.placement.answer import chosen, compass_deg, names_of
 from hsop_gcs.placement.bounds import lower_bound
 from hsop_gcs.placement.coverage_only import cover
-from hsop_gcs.placement.feasibility import CENTRAL, PERIPHERAL, members
+from hsop_gcs.placement.feasibility import members
 from hsop_gcs.placement.hsop import Best, Search
-from hsop_gcs.placement.instance import FloatArray, Instance
-from hsop_gcs.placement.objective import evaluate, threat_points_m
+from hsop_gcs.placement.instance import Instance
+from hsop_gcs.placement.objective import threat_points_m
 from hsop_gcs.placement.pair_sets import PlanePoint, observed_threats
 from hsop_gcs.placement.pair_sets import initial_observers as initial_observers_of
 from hsop_gcs.placement.problem import Formulation, Objective, Problem
 from hsop_gcs.placement.reasons import why_infeasible, why_not_flown
-from hsop_gcs.placement.solution import HoverPose, Method, Placement, Status, ThreatPair, View
+from hsop_gcs.placement.solution import HoverPose, Method, Placement, Status
 
-PROVEN_GAP = 1e-3
 REASONING_S = 3.0
 """What it may take to say why the search found nothing."""
 REASONING_ROUNDS = 3
 """How many rounds of the search it takes to believe that there is nothing to find."""
-KINDS = {PERIPHERAL: CameraKind.PERIPHERAL, CENTRAL: CameraKind.CENTRAL}
 
 
 def place(
@@ -98,7 +95,8 @@ def place(
         counts = range(2, available + 1) if n_hosts is None else range(n_hosts, min(n_hosts, available) + 1)
         placement = _fewest_first(problem, search, method, counts, by_role=initial_observers)
     if placement.status is Status.INFEASIBLE:
-        if method is Method.SEARCH and problem.formulation is Formulation.OPERATIONAL:
+        letters_own = problem.formulation is Formulation.LETTER and len(problem.rigs) == 1
+        if method is Method.SEARCH and not letters_own:
             reason = why_not_flown(
                 problem,
                 search,
@@ -127,7 +125,7 @@ def _fewest_first(problem: Problem, search: Search, method: Method, counts: rang
     for count in counts:
         best = search.solve_all(count) if method is Method.LETTER else cover(search, count)
         if best is not None:
-            return _placement(problem, best, _names(problem, best.poses, by_role=by_role), lower_bound(search.instance))
+            return _placement(problem, best, by_role=by_role, bound=lower_bound(search.instance))
         if search.late():
             break
     return Placement(status=Status.INFEASIBLE, formulation=problem.formulation, objective=problem.objective)
@@ -147,6 +145,8 @@ def _check(problem: Problem, n_hosts: int | None, method: Method, *, letters_own
         raise BadInput("method", f"{method.value!r} knows neither initial observers nor the letter's cameras")
     if problem.objective is not Objective.LETTER and method is not Method.SEARCH:
         raise BadInput("objective", f"{problem.objective.value!r} is not what method {method.value!r} minimises")
+    if method is not Method.SEARCH and len(problem.rigs) > 1:
+        raise BadInput("hosts", f"carry {len(problem.rigs)} different rigs, and method {method.value!r} knows only one")
     if method is not Method.SEARCH and not _is_plane(problem):
         raise BadInput(
             "method", f"{method.value!r} knows only threats at one altitude, and neither fence nor keep-outs nor travel"
@@ -196,42 +196,14 @@ def _positions(problem: Problem) -> tuple[list[PlanePoint], list[PlanePoint]]:
     return [h.position_m[:2] for h in problem.hosts], [t.position_m[:2] for t in problem.threats]
 
 
-def _names(problem: Problem, poses: FloatArray, *, by_role: bool) -> list[str]:
-    """Return who takes which of the poses, (n, 4): least distance flown in total; without hosts h1, h2, ..."""
-    if not problem.hosts:
-        return [f"h{k + 1}" for k in range(len(poses))]
+def _placement(problem: Problem, best: Best, *, by_role: bool, bound: float) -> Placement:
+    """Name the solver's poses and value them; by role: hosts keep their places among those that take part."""
     if by_role:
-        return [problem.hosts[k].id for k in _by_nearness(problem, len(poses))]
-    hosts_m, _ = _positions(problem)
-    _, chosen = linear_sum_assignment(cdist(poses[:, :2], hosts_m))
-    return [problem.hosts[host].id for host in chosen]
-
-
-def _placement(problem: Problem, best: Best, names: list[str], bound: float) -> Placement:
-    """Turn the solver's arrays into the answer, valued by the exact reference."""
-    hosts = tuple(_hover_pose(problem, best, host, name) for host, name in enumerate(names))
-    views = {}
-    for index, (threat, pair) in enumerate(zip(problem.threats, best.choice.pair_set, strict=True)):
-        first, second = (View(host=names[h], camera=KINDS[best.choice.camera(h, index)]) for h in pair)
-        views[threat.id] = (first, second)
-    worth = evaluate(problem, hosts, views)
-    return Placement(
-        status=Status.OPTIMAL if worth.cost <= bound * (1 + PROVEN_GAP) else Status.FEASIBLE,
-        formulation=problem.formulation,
-        objective=problem.objective,
-        hosts=hosts,
-        pairs=tuple(
-            ThreatPair(
-                threat=threat,
-                views=pair,
-                cost=worth.pair_costs[threat],
-                expected_error_m=worth.expected_errors_m[threat],
-            )
-            for threat, pair in views.items()
-        ),
-        cost=worth.cost,
-        lower_bound=bound,
-    )
+        names = [problem.hosts[k].id for k in _by_nearness(problem, len(best.poses))]
+    else:
+        names = names_of(problem, best.poses, problem.rigs * len(best.poses))
+    hosts = [_hover_pose(problem, best, host, name) for host, name in enumerate(names)]
+    return chosen(problem, best.choice, hosts, lower_bound=bound)
 
 
 def _hover_pose(problem: Problem, best: Best, host: int, name: str) -> HoverPose:
@@ -251,12 +223,7 @@ def _hover_pose(problem: Problem, best: Best, host: int, name: str) -> HoverPose
     return HoverPose(
         host=name,
         position_m=(east, north, up),
-        heading_deg=_compass_deg(heading if by_fisheye else pan),
-        pan_deg=_compass_deg(pan) if held else None,
+        heading_deg=compass_deg(heading if by_fisheye else pan),
+        pan_deg=compass_deg(pan) if held else None,
         tilt_deg=math.degrees(tilt),
     )
-
-
-def _compass_deg(angle_rad: float) -> float:
-    """Return an angle as degrees in [0, 360); rounding just below north must not give 360."""
-    return math.degrees(angle_rad) % 360.0 % 360.0

@@ -42,6 +42,8 @@ class AvailableHost:
 
     id: str
     position_m: Point
+    rig: CameraRig | None = None
+    """None: that of the problem."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +56,7 @@ class Problem:
     max_hosts: int | None = None
     """No more hosts than this are placed; None: the number of ``hosts``, or no limit without them."""
     rig: CameraRig = field(default_factory=CameraRig)
+    """Of every host that has none of its own."""
     horizon_s: float = 10.0
     safety_distance_m: float = 20.0
     formulation: Formulation = Formulation.OPERATIONAL
@@ -70,3 +73,12 @@ class Problem:
     """Standard deviation of a camera's attitude, about each axis across its rays; counts in the expected error."""
     max_views: int = 2
     """A threat's fix is fused from up to so many views; the cost is that of its pair."""
+
+    @property
+    def rigs(self) -> tuple[CameraRig, ...]:
+        """The different rigs that hosts carry, in the order of the hosts."""
+        return tuple(dict.fromkeys(host.rig or self.rig for host in self.hosts)) or (self.rig,)
+
+    def rig_of(self, host_id: str) -> CameraRig:
+        """Return what a host carries; one that is not among ``hosts`` has the problem's rig."""
+        return next((host.rig for host in self.hosts if host.id == host_id and host.rig is not None), self.rig)

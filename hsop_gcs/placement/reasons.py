@@ -1,15 +1,18 @@
 """Why there is no placement, in terms of what was asked."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from hsop_gcs.placement.airspace import Airspace
 from hsop_gcs.placement.coverage_only import cover
-from hsop_gcs.placement.feasibility import CENTRAL, PERIPHERAL
+from hsop_gcs.placement.feasibility import CENTRAL, PERIPHERAL, Screen
 from hsop_gcs.placement.hsop import Search
+from hsop_gcs.placement.instance import Instance
 from hsop_gcs.placement.objective import hover_altitudes_m, threat_points_m
-from hsop_gcs.placement.problem import Formulation, Problem
+from hsop_gcs.placement.problem import AvailableHost, Formulation, Problem
 
 
 def why_infeasible(problem: Problem, search: Search, *, n_hosts: int | None, available: int) -> str:
@@ -19,10 +22,9 @@ def why_infeasible(problem: Problem, search: Search, *, n_hosts: int | None, ava
     """
     for index, threat in enumerate(problem.threats):
         if not search.poses.covers(1 << index):
-            rule = "every threat's path" if problem.formulation is Formulation.OPERATIONAL else "both its points"
-            return _beyond_cameras(problem, search, index) or (
-                f"no hover point that keeps {problem.safety_distance_m:g} m from {rule} sees threat {threat.id} now "
-                f"and after {problem.horizon_s:g} s"
+            return _beyond_cameras(problem, [search.screen], index) or (
+                f"no hover point that keeps {problem.safety_distance_m:g} m from {_kept_from(problem)} sees threat "
+                f"{threat.id} now and after {problem.horizon_s:g} s"
             )
     if n_hosts is not None and n_hosts > available:
         return f"{n_hosts} hosts were asked for, {_hosts(available)} available"
@@ -51,25 +53,31 @@ def why_not_flown(
     available: int,
     possible: Callable[[Problem, int], bool],
 ) -> str:
-    """Return one sentence on why nothing that can be flown was found, in the operational formulation.
+    """Return one sentence on why nothing that can be flown was found, in the operational formulation or by mixed rigs.
 
     possible: whether a placement of a problem with exactly so many hosts is found. A threat that not even two hosts of
-    its own can see comes first, then the number of hosts, then the rule without which more of them would do.
+    its own can see comes first, then the number of hosts and their rigs, then the rule without which more would do.
     """
+    screens = [Screen(Instance.of(problem, rig)) for rig in problem.rigs]
+    unlimited = _with_any_host(problem)
     for index, threat in enumerate(problem.threats):
-        if beyond := _beyond_cameras(problem, search, index):
+        if beyond := _beyond_cameras(problem, screens, index):
             return beyond
-        alone = replace(problem, threats=(threat,), hosts=(), max_hosts=None)
+        alone = replace(unlimited, threats=(threat,))
         if not search.late() and not possible(alone, 2):
             return f"threat {threat.id} cannot be seen by any two hosts: {_in_the_way(alone, 2, possible, search.late)}"
     if n_hosts is not None and n_hosts > available:
         return f"{n_hosts} hosts were asked for, {_hosts(available)} available"
     most = 2 * len(problem.threats)
-    unlimited = replace(problem, hosts=(), max_hosts=None)
-    for count in range(max(2, (available if n_hosts is None else n_hosts) + 1), most + 1):
+    tried = available if n_hosts is None else n_hosts
+    for count in range(max(2, tried + (len(screens) == 1)), most + 1):
         if search.late():
             return "the time limit passed before a placement was found"
         if possible(unlimited, count):
+            if count == tried:
+                return (
+                    f"{_counted(count)} cannot see every threat with their rigs; with the best of these rigs they could"
+                )
             if n_hosts is not None:
                 return f"no placement of {n_hosts} hosts sees every threat; {count} hosts can"
             return f"{_hosts(available)} available; at least {count} are needed to see every threat"
@@ -108,7 +116,7 @@ def _in_the_way(
     if problem.lead_s > 0:
         rules.append((f"the threats' ways in the next {problem.lead_s:.0f} s", replace(problem, lead_s=0.0)))
     near = replace(problem, safety_distance_m=min(1.0, problem.safety_distance_m))
-    rules.append((f"the safety distance of {problem.safety_distance_m:g} m from every threat's path", near))
+    rules.append((f"the safety distance of {problem.safety_distance_m:g} m from {_kept_from(problem)}", near))
     for name, without in rules:
         if late():
             return "there was no time to find out which rule is in the way"
@@ -122,6 +130,18 @@ def _in_the_way(
     return "no hover points are near enough for the least pixels that the cameras need"
 
 
+def _with_any_host(problem: Problem) -> Problem:
+    """Return the problem with as many hosts of each of its rigs as a placement can use."""
+    each = range(2 * len(problem.threats))
+    hosts = [AvailableHost(id="", position_m=(0.0, 0.0, 0.0), rig=rig) for rig in problem.rigs for _ in each]
+    named = (replace(host, id=f"any{k}") for k, host in enumerate(hosts))
+    return replace(problem, hosts=tuple(named), max_hosts=None)
+
+
+def _kept_from(problem: Problem) -> str:
+    return "every threat's path" if problem.formulation is Formulation.OPERATIONAL else "both its points"
+
+
 def _counted(count: int) -> str:
     return "1 host" if count == 1 else f"{count} hosts"
 
@@ -130,10 +150,11 @@ def _hosts(count: int) -> str:
     return {0: "no host is", 1: "1 host is"}.get(count, f"{count} hosts are")
 
 
-def _beyond_cameras(problem: Problem, search: Search, index: int) -> str | None:
+def _beyond_cameras(problem: Problem, screens: Sequence[Screen], index: int) -> str | None:
     """Say why not even a host of its own sees a threat if its size, altitude or path alone forbid it; else None."""
     threat, safe = problem.threats[index], problem.safety_distance_m
-    peripheral, central = (float(search.screen.reach_m[camera, index]) for camera in (PERIPHERAL, CENTRAL))
+    reach_m = np.array([screen.reach_m[:, index] for screen in screens])
+    peripheral, central = float(reach_m[:, PERIPHERAL].max()), float(reach_m[:, CENTRAL].max())
     farthest = max(peripheral, central)
     if farthest < safe:
         return (
@@ -152,7 +173,10 @@ def _beyond_cameras(problem: Problem, search: Search, index: int) -> str | None:
                 f"{farthest:.1f} m away"
             )
     path = math.dist(start, end) if operational else math.dist(start[:2], end[:2])
-    span = float(search.screen.longest_central_span_m(central, central)) if central >= safe else 0.0
+    spans = [
+        float(s.longest_central_span_m(r, r)) for s, r in zip(screens, reach_m[:, CENTRAL], strict=True) if r >= safe
+    ]
+    span = max(spans, default=0.0)
     longest = max(2 * peripheral, span)
     if path > longest:
         return (

@@ -1,11 +1,14 @@
 """Scenario files in, plan files out (JSON; design, section 2).
 
+All hosts carry the rig of ``parameters``: ``peripheral`` and ``central``. A host may have either section of its own,
+with the same keys; a section it does not have is that of ``parameters``.
 Nothing in a scenario is passed over: an unknown field, a wrong type and a value out of range are BadInput by name.
 """
 
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from hsop_gcs.cameras.fisheye import FisheyeCamera
@@ -19,6 +22,7 @@ from hsop_gcs.placement.solution import HoverPose, Placement, View
 FARTHEST_M = 1e6
 """Positions beyond this are no local coordinates."""
 FASTEST_MPS = 1e4
+_RIG_FIELDS = ("peripheral", "central")
 _CAMERA_FIELDS = ("focal_length_mm", "sensor_width_mm", "resolution_px", "min_pixels")
 
 
@@ -48,27 +52,25 @@ def problem_from_json(
     if not threats:
         raise BadInput("threats", "there are none to place hosts for")
     _require_distinct([threat.id for threat in threats], "threats")
-    hosts: tuple[AvailableHost, ...] = ()
-    if "hosts" in fields:
-        hosts = tuple(_host(item, f"hosts[{k}]") for k, item in enumerate(_list(fields["hosts"], "hosts")))
-        _require_distinct([host.id for host in hosts], "hosts")
     given = _object(
         fields.get("parameters", {}),
         "parameters",
         {
             *("horizon_s", "safety_distance_m", "min_separation_m", "floor_m", "ceiling_m"),
-            *("host_position_sigma_m", "host_attitude_sigma_deg", "max_views", "peripheral", "central"),
+            *("host_position_sigma_m", "host_attitude_sigma_deg", "max_views", *_RIG_FIELDS),
         },
     )
+    rig = _rig(given, "parameters", CameraRig())
+    hosts: tuple[AvailableHost, ...] = ()
+    if "hosts" in fields:
+        hosts = tuple(_host(item, f"hosts[{k}]", rig) for k, item in enumerate(_list(fields["hosts"], "hosts")))
+        _require_distinct([host.id for host in hosts], "hosts")
     defaults = Problem(threats=threats)
     return Problem(
         threats=threats,
         hosts=hosts,
         max_hosts=len(hosts) if "hosts" in fields else None,
-        rig=CameraRig(
-            peripheral=_peripheral(given.get("peripheral", {}), "parameters.peripheral"),
-            central=_central(given.get("central", {}), "parameters.central"),
-        ),
+        rig=rig,
         horizon_s=_positive(given.get("horizon_s", defaults.horizon_s), "parameters.horizon_s", most=1e4),
         safety_distance_m=_positive(
             given.get("safety_distance_m", defaults.safety_distance_m), "parameters.safety_distance_m", most=1e5
@@ -145,9 +147,20 @@ def _threat(item: Any, field: str) -> Threat:
     )
 
 
-def _host(item: Any, field: str) -> AvailableHost:
-    given = _object(item, field, {"id", "position_m"})
-    return AvailableHost(id=_id(given, field), position_m=_position(given, field))
+def _host(item: Any, field: str, common: CameraRig) -> AvailableHost:
+    given = _object(item, field, {"id", "position_m", *_RIG_FIELDS})
+    own = _rig(given, field, common) if any(name in given for name in _RIG_FIELDS) else None
+    return AvailableHost(id=_id(given, field), position_m=_position(given, field), rig=own)
+
+
+def _rig(given: Mapping[str, Any], field: str, otherwise: CameraRig) -> CameraRig:
+    """Return the rig of an object's sections; one that is not given is taken from another rig."""
+    rig = otherwise
+    if "peripheral" in given:
+        rig = replace(rig, peripheral=_peripheral(given["peripheral"], f"{field}.peripheral"))
+    if "central" in given:
+        rig = replace(rig, central=_central(given["central"], f"{field}.central"))
+    return rig
 
 
 def _airspace(fields: Mapping[str, Any], given: Mapping[str, Any]) -> Airspace:

@@ -4,21 +4,21 @@ The letter eliminates the cost "and uses the same constraints" without saying wh
 start anywhere in a square and are moved until the constraints hold, as an optimizer without a cost would leave them.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
-from hsop_gcs.cameras.rig import CameraKind
+from hsop_gcs.placement.answer import chosen
 from hsop_gcs.placement.covering import aimed
-from hsop_gcs.placement.feasibility import CENTRAL, PERIPHERAL, members
+from hsop_gcs.placement.feasibility import members
 from hsop_gcs.placement.hsop import Choice, Search, views_of
 from hsop_gcs.placement.instance import FloatArray, Instance
 from hsop_gcs.placement.interior_point import INSIDE, margins, reach_feasibility
-from hsop_gcs.placement.objective import evaluate
 from hsop_gcs.placement.pair_sets import observed_threats
 from hsop_gcs.placement.problem import Problem
-from hsop_gcs.placement.solution import HoverPose, Method, Placement, Status, ThreatPair, View
+from hsop_gcs.placement.solution import HoverPose, Method, Placement
 from hsop_gcs.study.assumptions import Assumptions, CoverageCameras
 
-KINDS = {PERIPHERAL: CameraKind.PERIPHERAL, CENTRAL: CameraKind.CENTRAL}
 STARTS = 8
 """Random starts of one pair set; the first that can be moved to where the constraints hold is taken."""
 PAIR_SETS_TRIED = 24
@@ -65,25 +65,4 @@ def placement_of(problem: Problem, choice: Choice, poses: FloatArray) -> Placeme
         )
         for k, name in enumerate(names)
     )
-    views = {}
-    for index, (threat, pair) in enumerate(zip(problem.threats, choice.pair_set, strict=True)):
-        first, second = (View(host=names[host], camera=KINDS[choice.camera(host, index)]) for host in pair)
-        views[threat.id] = (first, second)
-    worth = evaluate(problem, hosts, views)
-    return Placement(
-        status=Status.FEASIBLE,
-        formulation=problem.formulation,
-        objective=problem.objective,
-        method=Method.COVERAGE_ONLY,
-        hosts=hosts,
-        pairs=tuple(
-            ThreatPair(
-                threat=threat,
-                views=pair,
-                cost=worth.pair_costs[threat],
-                expected_error_m=worth.expected_errors_m[threat],
-            )
-            for threat, pair in views.items()
-        ),
-        cost=worth.cost,
-    )
+    return replace(chosen(problem, choice, hosts), method=Method.COVERAGE_ONLY)

@@ -8,6 +8,7 @@ from hsop_gcs.cameras.rig import CameraKind, CameraRig
 from hsop_gcs.cameras.sight import FloatArray, Sight, central_sight, fisheye_sight
 from hsop_gcs.placement.objective import (
     PIXEL_NOISE_PX,
+    Eye,
     angle_from_central_axis,
     angle_from_nearer_boresight,
     pixel_width,
@@ -35,7 +36,7 @@ def detects(rig: CameraRig, size_m: float, pose: HoverPose, camera: CameraKind, 
     """Return whether a camera as it is aimed detects an object at a point (Eqs. 9 and 10)."""
     if math.dist(pose.position_m, point_m) == 0:
         return False
-    width = pixel_width(rig, size_m, pose, camera, point_m)
+    width = pixel_width(Eye(pose, rig, camera), size_m, point_m)
     if camera is CameraKind.PERIPHERAL:
         return bool(
             width >= rig.peripheral.min_pixels - BORDER_PX and angle_from_nearer_boresight(pose, point_m) < math.pi / 2

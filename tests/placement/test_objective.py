@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hsop_gcs.cameras.rig import CameraKind, CameraRig
-from hsop_gcs.placement.objective import Evaluation, Views, evaluate, expected_error_m, segment_distance
+from hsop_gcs.placement.objective import Evaluation, Eye, Views, evaluate, expected_error_m, segment_distance
 from hsop_gcs.placement.problem import Formulation, Point, Problem, Threat
 from hsop_gcs.placement.solution import HoverPose, View
 
@@ -177,7 +177,8 @@ def test_the_expected_error_is_that_of_noisy_rays_triangulated_ten_thousand_time
             values.append(rng.standard_normal(10_000))
     errors, *_ = np.linalg.lstsq(np.array(rows), np.array(values), rcond=None)
     sampled = math.sqrt((errors**2).sum(axis=0).mean())
-    predicted = expected_error_m(CameraRig(), target[None], list(zip(hosts, cameras, strict=True)))
+    eyes = [Eye(host, CameraRig(), camera) for host, camera in zip(hosts, cameras, strict=True)]
+    predicted = expected_error_m(target[None], eyes)
     # The mean square of 10 000 samples scatters by about 1 %; three of these, halved by the root.
     assert sampled == pytest.approx(predicted, rel=0.02)
 
@@ -186,5 +187,6 @@ def test_the_expected_error_of_level_rays_at_right_angles_by_hand() -> None:
     hosts = [pose("h1", -20.0, 0.0), pose("h2", 0.0, -40.0)]
     a, b = 3 / KC * 20, 30 / KP * 40
     across, upwards = a * a + b * b, 1 / (1 / a**2 + 1 / b**2)
-    predicted = expected_error_m(CameraRig(), np.zeros((1, 3)), [(hosts[0], CENTRAL), (hosts[1], PERIPHERAL)])
+    eyes = [Eye(hosts[0], CameraRig(), CENTRAL), Eye(hosts[1], CameraRig(), PERIPHERAL)]
+    predicted = expected_error_m(np.zeros((1, 3)), eyes)
     assert predicted == pytest.approx(math.sqrt(across + upwards), rel=1e-9)

@@ -92,12 +92,13 @@ def assert_flyable(problem: Problem, placement: Placement) -> None:
         assert problem.airspace.ceiling_m is None or up <= problem.airspace.ceiling_m
     for a, b in itertools.combinations(placement.hosts, 2):
         assert math.dist(a.position_m, b.position_m) >= problem.min_separation_m
-    rig = problem.rig
+    rigs = {pose.host: problem.rig for pose in placement.hosts}
+    rigs |= {host.id: host.rig for host in problem.hosts if host.rig is not None}
     for threat, pair in zip(problem.threats, placement.pairs, strict=True):
         assert pair.threat == threat.id
         assert pair.views[0].host != pair.views[1].host
         for view, after_s in itertools.product(pair.views, (0.0, problem.horizon_s)):
-            pose, point = poses[view.host], threat.predicted_m(after_s)
+            pose, point, rig = poses[view.host], threat.predicted_m(after_s), rigs[view.host]
             distance = math.dist(pose.position_m, point)
             if view.camera is CameraKind.CENTRAL:
                 assert pose.pan_deg is not None

@@ -32,6 +32,8 @@ class State(NamedTuple):
     """(hosts, 3)"""
     axes: Floats
     """(hosts, 2): east and north of the fisheye axis."""
+    rigs: Ints
+    """(hosts,): what each carries."""
     pairs: Ints
     """(threats, 2): the two hosts of every threat."""
     cameras: Ints
@@ -53,6 +55,7 @@ def new_state(threats: int, hosts: int) -> State:
     return State(
         np.zeros((hosts, 3)),
         axes,
+        np.zeros(hosts, np.int64),
         np.full((threats, 2), -1, np.int64),
         np.zeros((threats, 2), np.int64),
         np.zeros((hosts, threats), np.int64),
@@ -68,6 +71,7 @@ def copy_state(source: State, target: State) -> None:
     """Copy all arrays."""
     target.positions[:] = source.positions
     target.axes[:] = source.axes
+    target.rigs[:] = source.rigs
     target.pairs[:] = source.pairs
     target.cameras[:] = source.cameras
     target.incident[:] = source.incident
@@ -103,6 +107,7 @@ def refresh_threat(q: Question, s: State, threat: int) -> None:
         q,
         s.positions,
         s.axes,
+        s.rigs,
         threat,
         s.pairs[threat, 0],
         s.pairs[threat, 1],
@@ -116,7 +121,7 @@ def refresh_host(q: Question, s: State, host: int) -> None:
     """Recompute everything a host's pose and views decide, crowding excepted."""
     for n in range(s.degree[host]):
         refresh_threat(q, s, s.incident[host, n] // 2)
-    s.window[host] = host_violation(q, s.positions, host, s.incident[host], s.degree[host], s.cameras)
+    s.window[host] = host_violation(q, s.positions, s.rigs, host, s.incident[host], s.degree[host], s.cameras)
 
 
 @lean_kernel
@@ -125,7 +130,7 @@ def refresh(q: Question, s: State) -> None:
     for threat in range(s.pairs.shape[0]):
         refresh_threat(q, s, threat)
     for host in range(s.degree.shape[0]):
-        s.window[host] = host_violation(q, s.positions, host, s.incident[host], s.degree[host], s.cameras)
+        s.window[host] = host_violation(q, s.positions, s.rigs, host, s.incident[host], s.degree[host], s.cameras)
 
 
 @lean_kernel
@@ -287,7 +292,7 @@ def try_pose(
     ax, ay = s.axes[host, 0], s.axes[host, 1]
     crowd = crowding(q, s.positions, host)
     propose_pose(q, s, host, reach_m, chance)
-    window = host_violation(q, s.positions, host, s.incident[host], s.degree[host], s.cameras)
+    window = host_violation(q, s.positions, s.rigs, host, s.incident[host], s.degree[host], s.cameras)
     more_cost = 0.0
     more_violation = window - s.window[host] + crowding(q, s.positions, host) - crowd
     for n in range(s.degree[host]):
@@ -296,6 +301,7 @@ def try_pose(
             q,
             s.positions,
             s.axes,
+            s.rigs,
             threat,
             s.pairs[threat, 0],
             s.pairs[threat, 1],
@@ -395,7 +401,7 @@ def try_camera(
     cost, violation, window = s.cost[threat], s.violation[threat], s.window[host]
     s.cameras[threat, end] = 1 - s.cameras[threat, end]
     refresh_threat(q, s, threat)
-    s.window[host] = host_violation(q, s.positions, host, s.incident[host], s.degree[host], s.cameras)
+    s.window[host] = host_violation(q, s.positions, s.rigs, host, s.incident[host], s.degree[host], s.cameras)
     more_cost = s.cost[threat] - cost
     more_violation = s.violation[threat] - violation + s.window[host] - window
     if accepted(more_cost + penalty * more_violation, temperature, chance):
@@ -406,9 +412,83 @@ def try_camera(
 
 
 @lean_kernel
+def left_over(q: Question, s: State, rig: int) -> int:
+    """Return how many hosts with a rig are not placed."""
+    count = q.hosts_of_rig[rig]
+    for host in range(s.rigs.shape[0]):
+        if s.rigs[host] == rig:
+            count -= 1
+    return int(count)
+
+
+@lean_kernel
+def try_rig(
+    q: Question,
+    s: State,
+    hosts: Ints,
+    reach_m: float,
+    penalty: float,
+    temperature: float,
+    chance: Chance,
+    trial: Floats,
+) -> tuple[float, float]:
+    """Exchange two hosts' rigs, or one for a rig left over, let them settle, and take it or not (Metropolis)."""
+    host, other = hosts[below(chance, hosts.size)], hosts[below(chance, hosts.size)]
+    old, new = s.rigs[host], s.rigs[other]
+    if uniform(chance) < 0.5:
+        new = below(chance, q.hosts_of_rig.shape[0])
+        if left_over(q, s, new) == 0:
+            return 0.0, 0.0
+        other = host
+    if new == old:
+        return 0.0, 0.0
+    cost, violation = totals(q, s)
+    kept = (
+        s.positions[host, 0], s.positions[host, 1], s.positions[host, 2], s.axes[host, 0], s.axes[host, 1],
+        s.positions[other, 0], s.positions[other, 1], s.positions[other, 2], s.axes[other, 0], s.axes[other, 1],
+    )  # fmt: skip
+    s.rigs[other] = old
+    s.rigs[host] = new
+    refresh_host(q, s, host)
+    refresh_host(q, s, other)
+    for n in range(12):
+        try_pose(q, s, host if n % 2 == 0 else other, reach_m, penalty, 0.0, chance, trial)
+    new_cost, new_violation = totals(q, s)
+    more_cost, more_violation = new_cost - cost, new_violation - violation
+    if accepted(more_cost + penalty * more_violation, temperature, chance):
+        return more_cost, more_violation
+    s.rigs[other] = new
+    s.rigs[host] = old
+    s.positions[other, 0], s.positions[other, 1], s.positions[other, 2], s.axes[other, 0], s.axes[other, 1] = kept[5:]
+    s.positions[host, 0], s.positions[host, 1], s.positions[host, 2], s.axes[host, 0], s.axes[host, 1] = kept[:5]
+    refresh_host(q, s, host)
+    refresh_host(q, s, other)
+    return 0.0, 0.0
+
+
+@lean_kernel
+def draw_rigs(q: Question, s: State, chance: Chance) -> None:
+    """Give every host a rig at random, no more of each than there are."""
+    if q.hosts_of_rig.shape[0] == 1:
+        return
+    s.rigs[:] = -1
+    for host in range(s.rigs.shape[0]):
+        rest = 0
+        for rig in range(q.hosts_of_rig.shape[0]):
+            rest += left_over(q, s, rig)
+        drawn = below(chance, rest)
+        for rig in range(q.hosts_of_rig.shape[0]):
+            drawn -= left_over(q, s, rig)
+            if drawn < 0:
+                s.rigs[host] = rig
+                break
+
+
+@lean_kernel
 def scatter(q: Question, s: State, chance: Chance) -> None:
     """Fill a state anew at random: hosts near threats, every threat seen by two, every host used."""
     threats, hosts = s.pairs.shape[0], s.degree.shape[0]
+    draw_rigs(q, s, chance)
     for threat in range(threats):
         s.pairs[threat, 0] = s.pairs[threat, 1] = -1
     for host in range(hosts):
@@ -484,6 +564,8 @@ def anneal(
             elif kind < 0.96:
                 threat = threats[below(chance, threats.size)]
                 more, broken = try_camera(q, s, threat, below(chance, 2), penalty, temperature, chance)
+            elif q.hosts_of_rig.shape[0] > 1 and uniform(chance) < 0.4:
+                more, broken = try_rig(q, s, hosts, reach, penalty, temperature, chance, trial)
             else:
                 more, broken = try_regroup(q, s, hosts, threats, reach, penalty, temperature, chance, trial)
             cost += more

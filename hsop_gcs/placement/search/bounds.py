@@ -51,14 +51,15 @@ def own_pair_bound_in_space(q: Question, threat: int, cells: int) -> float:
     for n in range(3):
         length += (q.points_m[threat, 1, n] - q.points_m[threat, 0, n]) ** 2
     length = math.sqrt(length)
+    lenses = q.range_m.shape[0]
     reach = 0.0
-    for camera in range(2):
-        reach = max(reach, q.range_m[camera, threat] * largest_size(q, camera))
-    factors = np.empty((2 * cells, 2))
+    for lens in range(lenses):
+        reach = max(reach, q.range_m[lens, threat] * largest_size(q, lens))
+    factors = np.empty((lenses * cells, 2))
     count = 0
     width = (length + 2 * reach) / cells
-    for camera in range(2):
-        size = largest_size(q, camera)
+    for lens in range(lenses):
+        size = largest_size(q, lens)
         for cell in range(cells):
             low, high = cell * width - reach, (cell + 1) * width - reach
             beyond = max(0.0, -low, high - length)
@@ -67,8 +68,8 @@ def own_pair_bound_in_space(q: Question, threat: int, cells: int) -> float:
                 along = max(0.0, low - k * length, k * length - high)
                 height = q.points_m[threat, k, 2]
                 nearest = max(q.safety_m, q.floor_m - height, height - q.ceiling_m, math.sqrt(across + along * along))
-                factors[count, k] = distance_factor(q, camera, threat, nearest) / (1.0 if q.rms else size)
-                if nearest > q.range_m[camera, threat] * size:
+                factors[count, k] = distance_factor(q, lens, threat, nearest) / (1.0 if q.rms else size)
+                if nearest > q.range_m[lens, threat] * size:
                     factors[count, k] = math.inf
             if factors[count, 0] < math.inf and factors[count, 1] < math.inf:
                 count += 1
@@ -81,26 +82,26 @@ def own_pair_bound_in_space(q: Question, threat: int, cells: int) -> float:
 
 
 @lean_kernel
-def factor_bound(q: Question, threat: int, camera: int, x: float, y: float, radius: float, k: int) -> float:
-    """Return the least factor of a camera anywhere in a disc, at one point of a threat; infinite out of range."""
+def factor_bound(q: Question, threat: int, lens: int, x: float, y: float, radius: float, k: int) -> float:
+    """Return the least factor of a lens anywhere in a disc, at one point of a threat; infinite out of range."""
     away = math.hypot(q.points_m[threat, k, 0] - x, q.points_m[threat, k, 1] - y)
     nearest = max(q.safety_m, away - radius)
-    if nearest > q.range_m[camera, threat] * largest_size(q, camera):
+    if nearest > q.range_m[lens, threat] * largest_size(q, lens):
         return math.inf
-    scale = 1.0 if q.rms else largest_size(q, camera)
-    return float(distance_factor(q, camera, threat, nearest) / scale)
+    scale = 1.0 if q.rms else largest_size(q, lens)
+    return float(distance_factor(q, lens, threat, nearest) / scale)
 
 
 @lean_kernel
-def largest_size(q: Question, camera: int) -> float:
+def largest_size(q: Question, lens: int) -> float:
     """Return a bound on the relative size of an image: distortion can make it larger off the axis than on it."""
-    if camera == CENTRAL:
+    if lens % 2 == CENTRAL:
         return 1.0
     size = 1.0
     power = 1.0
     for n in range(4):
         power *= 0.25 * math.pi * math.pi
-        size += max(0.0, q.distortion[n]) * power
+        size += max(0.0, q.distortion[lens // 2, n]) * power
     return size
 
 
@@ -112,12 +113,12 @@ def spread(x: float, y: float, radius: float) -> float:
 
 
 @lean_kernel
-def fits_window(q: Question, threat: int, x: float, y: float, radius: float) -> bool:
-    """Return whether somewhere in a disc both points of a threat may lie within the field of view."""
+def fits_window(q: Question, threat: int, rig: int, x: float, y: float, radius: float) -> bool:
+    """Return whether somewhere in a disc both points of a threat may lie within the field of view of a rig."""
     ax, ay = q.points_m[threat, 0, 0] - x, q.points_m[threat, 0, 1] - y
     bx, by = q.points_m[threat, 1, 0] - x, q.points_m[threat, 1, 1] - y
     angle = abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
-    return angle - spread(ax, ay, radius) - spread(bx, by, radius) <= q.fov_rad
+    return bool(angle - spread(ax, ay, radius) - spread(bx, by, radius) <= q.fov_rad[rig])
 
 
 @lean_kernel
@@ -149,15 +150,17 @@ def box_bound(q: Question, threat: int, box: Floats) -> float:
         sine = math.sin(min(0.5 * math.pi, angle + spread(ax, ay, r) + spread(bx, by, s)))
         sines = (sine, sines[1]) if k == 0 else (sines[0], sine)
     best = math.inf
-    for camera in range(2):
-        if camera == CENTRAL and not fits_window(q, threat, x, y, r):
+    for lens in range(q.range_m.shape[0]):
+        if lens % 2 == CENTRAL and not fits_window(q, threat, lens // 2, x, y, r):
             continue
-        for other in range(2):
-            if other == CENTRAL and not fits_window(q, threat, u, v, s):
+        for other in range(q.range_m.shape[0]):
+            if other % 2 == CENTRAL and not fits_window(q, threat, other // 2, u, v, s):
+                continue
+            if lens // 2 == other // 2 and q.hosts_of_rig[lens // 2] < 2:
                 continue
             total = 0.0
             for k in range(2):
-                first = factor_bound(q, threat, camera, x, y, r, k)
+                first = factor_bound(q, threat, lens, x, y, r, k)
                 second = factor_bound(q, threat, other, u, v, s, k)
                 if first == math.inf or second == math.inf:
                     total = math.inf
@@ -171,8 +174,8 @@ def box_bound(q: Question, threat: int, box: Floats) -> float:
 def mirrored(box: Floats, middle_x: float, middle_y: float, along_x: float, along_y: float) -> bool:
     """Return whether everything in the two squares has its equal elsewhere.
 
-    Hosts are alike, so the first one may be the one farther from the path's middle, along it; and with mirror images
-    along and across the path alike, it may be ahead of the middle and on the left.
+    Either host may have either lens, so the first one may be the one farther from the path's middle, along it; and with
+    mirror images along and across the path alike, it may be ahead of the middle and on the left.
     """
     skew = abs(along_x) + abs(along_y)
     x, y = box[0] - middle_x, box[1] - middle_y
@@ -196,8 +199,8 @@ def own_pair_bound(q: Question, threat: int, most_boxes: int) -> float:
     length = math.hypot(along_x, along_y)
     along_x, along_y = (along_x / length, along_y / length) if length > 0 else (1.0, 0.0)
     reach = 0.0
-    for camera in range(2):
-        reach = max(reach, q.range_m[camera, threat] * largest_size(q, camera))
+    for lens in range(q.range_m.shape[0]):
+        reach = max(reach, q.range_m[lens, threat] * largest_size(q, lens))
     boxes = np.empty((most_boxes + 4, 6))
     boxes[0] = np.array([middle_x, middle_y, middle_x, middle_y, reach, reach])
     count = 1
@@ -227,7 +230,8 @@ def fewest_hosts(q: Question) -> int:
     Two threats with points farther apart than the sum of their ranges share no host; each of a set of such threats
     needs two of its own. The set is grown greedily from every threat.
     """
-    reach = q.range_m.max(axis=0) * np.maximum(1.0, largest_size(q, 0))
+    swelling = np.array([largest_size(q, lens) for lens in range(len(q.range_m))])
+    reach = (q.range_m * swelling[:, None]).max(axis=0)
     count = len(reach)
     apart = np.zeros((count, count), dtype=bool)
     for i, j in itertools.combinations(range(count), 2):

@@ -1,9 +1,10 @@
 """What a placement costs and by how much it breaks the rules, compiled (letter, Eqs. 3, 4, 8-11).
 
-A host is its position (east, north, up) and the compass heading of its fisheye axis. A view's *factor* is the share
-of a pair's cost that one camera contributes at one point: distance over pixel width (letter), or the standard
-deviation of its ray at the threat in metres (rms). Headings and bearings are compass angles, radians. A *violation*
-is relative: 0.01 is one hundredth too far, too near, or one hundredth of a radian outside.
+A host is its position (east, north, up), the compass heading of its fisheye axis and its rig. A *lens* is a camera of a
+rig: 2 * rig + camera. A view's *factor* is the share of a pair's cost that one lens contributes at one point: distance
+over pixel width (letter), or the standard deviation of its ray at the threat in metres (rms). Headings and bearings are
+compass angles, radians. A *violation* is relative: 0.01 is one hundredth too far, too near, or one hundredth of a
+radian outside.
 """
 
 import math
@@ -34,13 +35,16 @@ class Question(NamedTuple):
     """(threats, 2, 3): the ends of the ways that hosts keep clear of: from now to the window's end."""
     weight: Floats
     range_m: Floats
-    """(2, threats): how far the peripheral (on its boresight) and the central camera detect each threat."""
+    """(lenses, threats): how far each lens detects each threat on its boresight."""
     factor: Floats
-    """(2, threats): a view's factor per metre^power of distance, on the boresight."""
+    """(lenses, threats): a view's factor per metre^power of distance, on the boresight."""
     distortion: Floats
-    """k1..k4 of the fisheyes (Eq. 1)."""
-    fov_rad: float
-    fov_cosine: float
+    """(rigs, 4): k1..k4 of the fisheyes (Eq. 1)."""
+    fov_rad: Floats
+    """(rigs,)"""
+    fov_cosine: Floats
+    hosts_of_rig: Ints
+    """(rigs,): how many hosts there are of each."""
     safety_m: float
     separation_m: float
     """0: hosts may stand anywhere relative to each other."""
@@ -60,12 +64,11 @@ class Question(NamedTuple):
 
 
 @lean_kernel
-def relative_size(cosine: float, distortion: Floats) -> float:
+def relative_size(cosine: float, k: Floats, rig: int) -> float:
     """Return θ_d / tan θ for the angle θ = arccos(cosine) from the nearer boresight, cosine >= 0 (Eq. 2)."""
     theta = math.acos(min(1.0, cosine))
     square = theta * theta
-    k = distortion
-    lens = 1 + square * (k[0] + square * (k[1] + square * (k[2] + square * k[3])))
+    lens = 1 + square * (k[rig, 0] + square * (k[rig, 1] + square * (k[rig, 2] + square * k[rig, 3])))
     if theta < 1e-4:
         return float(lens * (1 - square / 3))
     return float(theta * lens * cosine / math.sqrt(1 - cosine * cosine))
@@ -84,11 +87,11 @@ def pair_cost(q: Question, first: float, second: float, sine: float) -> float:
 
 
 @lean_kernel
-def distance_factor(q: Question, camera: int, threat: int, d: float) -> float:
+def distance_factor(q: Question, lens: int, threat: int, d: float) -> float:
     """Return a view's factor on the boresight at a distance; rms: the deviation of its ray at the threat, metres."""
     if not q.rms:
-        return float(q.factor[camera, threat] * (d * d))
-    across = q.factor[camera, threat] * d
+        return float(q.factor[lens, threat] * (d * d))
+    across = q.factor[lens, threat] * d
     if q.position_sigma_m > 0:
         return math.sqrt(across * across + q.position_sigma_m * q.position_sigma_m)
     return float(across)
@@ -104,9 +107,10 @@ def threat_cost(q: Question, threat: int, both_points: float) -> float:
 
 @lean_kernel
 def edge_energy(
-    q: Question, positions: Floats, axes: Floats, threat: int, i: int, j: int, camera_i: int, camera_j: int
+    q: Question, positions: Floats, axes: Floats, rigs: Ints, threat: int, i: int, j: int, camera_i: int, camera_j: int
 ) -> tuple[float, float]:
     """Return cost and violation of a threat seen by hosts i and j; always finite, exact without violation."""
+    lens_i, lens_j = 2 * rigs[i] + camera_i, 2 * rigs[j] + camera_j
     cost = 0.0
     violation = 0.0
     for k in range(2):
@@ -119,22 +123,22 @@ def edge_energy(
         sine = math.sqrt(max(1 - cosine * cosine, SMALLEST_SINE * SMALLEST_SINE))
         if cosine * cosine > 1 - SMALLEST_SINE * SMALLEST_SINE:
             violation += 1e-3
-        fi = distance_factor(q, camera_i, threat, di)
-        fj = distance_factor(q, camera_j, threat, dj)
+        fi = distance_factor(q, lens_i, threat, di)
+        fj = distance_factor(q, lens_j, threat, dj)
         if camera_i == PERIPHERAL:
-            size = relative_size(abs(ex * axes[i, 0] + ey * axes[i, 1]) / di, q.distortion)
-            violation += max(0.0, di / q.range_m[0, threat] - size)
+            size = relative_size(abs(ex * axes[i, 0] + ey * axes[i, 1]) / di, q.distortion, rigs[i])
+            violation += max(0.0, di / q.range_m[lens_i, threat] - size)
             if not q.rms:
                 fi /= max(size, SMALLEST_RELATIVE_SIZE)
         else:
-            violation += max(0.0, di / q.range_m[1, threat] - 1)
+            violation += max(0.0, di / q.range_m[lens_i, threat] - 1)
         if camera_j == PERIPHERAL:
-            size = relative_size(abs(gx * axes[j, 0] + gy * axes[j, 1]) / dj, q.distortion)
-            violation += max(0.0, dj / q.range_m[0, threat] - size)
+            size = relative_size(abs(gx * axes[j, 0] + gy * axes[j, 1]) / dj, q.distortion, rigs[j])
+            violation += max(0.0, dj / q.range_m[lens_j, threat] - size)
             if not q.rms:
                 fj /= max(size, SMALLEST_RELATIVE_SIZE)
         else:
-            violation += max(0.0, dj / q.range_m[1, threat] - 1)
+            violation += max(0.0, dj / q.range_m[lens_j, threat] - 1)
         if not q.whole_path:
             violation += max(0.0, 1 - di / q.safety_m) + max(0.0, 1 - dj / q.safety_m)
         cost += pair_cost(q, fi, fj, sine)
@@ -262,12 +266,14 @@ def place_violation(q: Question, positions: Floats, host: int) -> float:
 
 
 @lean_kernel
-def host_violation(q: Question, positions: Floats, host: int, incident: Ints, degree: int, cameras: Ints) -> float:
+def host_violation(
+    q: Question, positions: Floats, rigs: Ints, host: int, incident: Ints, degree: int, cameras: Ints
+) -> float:
     """Return by how much what a host sees centrally exceeds the field of view, and its place is not allowed."""
     violation = 0.0
     if not q.plane:
         _, _, _, angle = central_cone(q, positions, host, incident, degree, cameras)
-        return max(0.0, angle - q.fov_rad) + place_violation(q, positions, host)
+        return float(max(0.0, angle - q.fov_rad[rigs[host]]) + place_violation(q, positions, host))
     alone = -1
     for n in range(degree):
         view = incident[n]
@@ -277,12 +283,12 @@ def host_violation(q: Question, positions: Floats, host: int, incident: Ints, de
         ex, ey = q.points_m[alone, 0, 0] - positions[host, 0], q.points_m[alone, 0, 1] - positions[host, 1]
         gx, gy = q.points_m[alone, 1, 0] - positions[host, 0], q.points_m[alone, 1, 1] - positions[host, 1]
         inner = ex * gx + ey * gy
-        if inner < q.fov_cosine * math.sqrt((ex * ex + ey * ey) * (gx * gx + gy * gy)):
-            violation += abs(math.atan2(ex * gy - ey * gx, inner)) - q.fov_rad
+        if inner < q.fov_cosine[rigs[host]] * math.sqrt((ex * ex + ey * ey) * (gx * gx + gy * gy)):
+            violation += abs(math.atan2(ex * gy - ey * gx, inner)) - q.fov_rad[rigs[host]]
     elif alone == -2:
         low, high, _ = view_window(q, positions, host, incident, degree, cameras)
-        violation += max(0.0, high - low - q.fov_rad)
-    return violation + place_violation(q, positions, host)
+        violation += max(0.0, high - low - q.fov_rad[rigs[host]])
+    return float(violation + place_violation(q, positions, host))
 
 
 @lean_kernel

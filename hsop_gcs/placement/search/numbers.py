@@ -2,10 +2,11 @@
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from itertools import product
 
 import numpy as np
 
-from hsop_gcs.placement.search.anneal import State, keep_clear, new_state, refresh, set_view, totals
+from hsop_gcs.placement.search.anneal import State, keep_clear, left_over, new_state, refresh, set_view, totals
 from hsop_gcs.placement.search.model import CENTRAL, Floats, Question
 from hsop_gcs.placement.search.polish import polish
 from hsop_gcs.placement.search.rounds import Course
@@ -105,21 +106,24 @@ def _persists(courses: Courses, number: int, accept: Accept, executor: ThreadPoo
 def with_another_host(q: Question, state: State) -> list[State]:
     """Return copies of a placement with one host more, which takes one view over from a shared host.
 
-    It stands where that host stands, so that the cost stays the same, or beside it if hosts must keep apart.
+    It stands where that host stands, so that the cost stays the same with the same rig, or beside it if hosts must keep
+    apart.
     """
     threats, hosts = len(q.weight), len(state.degree)
     order = np.argsort(-state.cost, kind="stable")
     shared = [(int(t), end) for t in order for end in range(2) if state.degree[state.pairs[t, end]] > 1]
+    rigs = [rig for rig in range(len(q.hosts_of_rig)) if left_over(q, state, rig) > 0]
     results = []
     for threat, end in shared[:PARENTS]:
         tried: list[tuple[float, float, int, State]] = []
         for offset_m in _offsets_m(q.separation_m):
-            for camera in {int(state.cameras[threat, end]), CENTRAL}:
+            for rig, camera in product(rigs, {int(state.cameras[threat, end]), CENTRAL}):
                 more = new_state(threats, hosts + 1)
                 more.positions[:hosts], more.axes[:hosts] = state.positions, state.axes
                 parent = state.pairs[threat, end]
                 more.positions[hosts] = state.positions[parent] + offset_m
                 more.axes[hosts] = state.axes[parent]
+                more.rigs[:hosts], more.rigs[hosts] = state.rigs, rig
                 for t in range(threats):
                     for e in range(2):
                         new = (t, e) == (threat, end)

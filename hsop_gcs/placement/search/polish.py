@@ -32,14 +32,16 @@ DIFFERENCE = 1e-6
 
 
 @kernel
-def relative_size_slope(cosine: float, k: Floats) -> tuple[float, float]:
+def relative_size_slope(cosine: float, k: Floats, rig: int) -> tuple[float, float]:
     """Return θ_d / tan θ and its derivative with respect to the cosine."""
     theta = math.acos(min(1.0, cosine))
     square = theta * theta
-    lens = 1 + square * (k[0] + square * (k[1] + square * (k[2] + square * k[3])))
+    lens = 1 + square * (k[rig, 0] + square * (k[rig, 1] + square * (k[rig, 2] + square * k[rig, 3])))
     if theta < 1e-3:
-        return lens * (1 - square / 3), 2.0 / 3.0 - 2 * k[0]
-    stretch = 1 + square * (3 * k[0] + square * (5 * k[1] + square * (7 * k[2] + square * 9 * k[3])))
+        return lens * (1 - square / 3), 2.0 / 3.0 - 2 * k[rig, 0]
+    stretch = 1 + square * (
+        3 * k[rig, 0] + square * (5 * k[rig, 1] + square * (7 * k[rig, 2] + square * 9 * k[rig, 3]))
+    )
     sine = math.sqrt(1 - cosine * cosine)
     slope = stretch * cosine / sine - theta * lens / (sine * sine)
     return theta * lens * cosine / sine, -slope / sine
@@ -52,7 +54,7 @@ def view_terms(
     k: int,
     poses: Floats,
     host: int,
-    camera: int,
+    lens: int,
     direction: Floats,
     factor: Floats,
     margin: Floats,
@@ -64,12 +66,12 @@ def view_terms(
     d = math.sqrt(ex * ex + ey * ey + ez * ez)
     ux, uy, uz = ex / d, ey / d, ez / d
     direction[0], direction[1], direction[2], direction[3] = ux, uy, uz, d
-    base = distance_factor(q, camera, threat, d)
+    base = distance_factor(q, lens, threat, d)
     power = 2.0
     if q.rms:
         power = 1.0 if q.position_sigma_m <= 0 else 1 - (q.position_sigma_m / base) ** 2
-    reach = q.range_m[camera, threat]
-    if camera == CENTRAL:
+    reach = q.range_m[lens, threat]
+    if lens % 2 == CENTRAL:
         factor[0] = base
         factor[1], factor[2], factor[3], factor[4] = (
             -power * base / d * ux,
@@ -83,7 +85,7 @@ def view_terms(
     ax, ay = math.sin(poses[host, 3]), math.cos(poses[host, 3])
     inner = ux * ax + uy * ay
     sign = 1.0 if inner >= 0 else -1.0
-    size, slope = relative_size_slope(min(1.0, abs(inner)), q.distortion)
+    size, slope = relative_size_slope(min(1.0, abs(inner)), q.distortion, lens // 2)
     # d|u·a| / dx = -(a - (u·a) u) / d, and by the heading u·a'
     sx, sy, sz = -sign * (ax - inner * ux) / d, -sign * (ay - inner * uy) / d, sign * inner * uz / d
     sh = sign * (ux * ay - uy * ax)
@@ -193,7 +195,7 @@ def element(q: Question, e: Ints, poses: Floats, g: Floats, work: Floats) -> flo
         sign = 1.0 if angle >= 0 else -1.0
         g[0] = sign * (ey / er - fy / fr)
         g[1] = -sign * (ex / er - fx / fr)
-        return q.fov_rad - abs(angle)
+        return float(q.fov_rad[e[7]] - abs(angle))
     ed, fd = math.sqrt(ex * ex + ey * ey + ez * ez), math.sqrt(fx * fx + fy * fy + fz * fz)
     ex, ey, ez, fx, fy, fz = ex / ed, ey / ed, ez / ed, fx / fd, fy / fd, fz / fd
     cosine = ex * fx + ey * fy + ez * fz
@@ -203,7 +205,7 @@ def element(q: Question, e: Ints, poses: Floats, g: Floats, work: Floats) -> flo
         g[0] = -((fx - cosine * ex) / ed + (ex - cosine * fx) / fd) / sine
         g[1] = -((fy - cosine * ey) / ed + (ey - cosine * fy) / fd) / sine
         g[2] = -((fz - cosine * ez) / ed + (ez - cosine * fz) / fd) / sine
-    return q.fov_rad - math.atan2(sine, cosine)
+    return float(q.fov_rad[e[7]] - math.atan2(sine, cosine))
 
 
 @kernel
@@ -211,13 +213,13 @@ def list_elements(q: Question, s: State, moving: Ints) -> Ints:
     """Return the costs and rules that the poses of moving hosts (marked 1) decide, costs first."""
     threats, hosts = s.pairs.shape[0], s.degree.shape[0]
     most = threats * (1 + 8) + hosts * (threats + hosts + 3 + q.areas.shape[0]) + hosts * 4 * threats * threats
-    rows = np.zeros((most, 7), np.int64)
+    rows = np.zeros((most, 8), np.int64)
     m = 0
     for threat in range(threats):
         i, j = s.pairs[threat, 0], s.pairs[threat, 1]
         if moving[i] + moving[j] > 0:
             rows[m, 0], rows[m, 1], rows[m, 2], rows[m, 3] = COST, i, j, threat
-            rows[m, 5], rows[m, 6] = s.cameras[threat, 0], s.cameras[threat, 1]
+            rows[m, 5], rows[m, 6] = 2 * s.rigs[i] + s.cameras[threat, 0], 2 * s.rigs[j] + s.cameras[threat, 1]
             m += 1
     for host in range(hosts):
         if moving[host] == 0:
@@ -226,7 +228,7 @@ def list_elements(q: Question, s: State, moving: Ints) -> Ints:
             threat, end = s.incident[host, n] // 2, s.incident[host, n] % 2
             for k in range(2):
                 rows[m, 0], rows[m, 1], rows[m, 2], rows[m, 3], rows[m, 4] = PIXELS, host, -1, threat, k
-                rows[m, 5] = s.cameras[threat, end]
+                rows[m, 5] = 2 * s.rigs[host] + s.cameras[threat, end]
                 m += 1
                 if not q.whole_path:
                     rows[m, 0], rows[m, 1], rows[m, 2], rows[m, 3], rows[m, 4] = END_POINT, host, -1, threat, k
@@ -242,6 +244,7 @@ def list_elements(q: Question, s: State, moving: Ints) -> Ints:
                                 continue
                             rows[m, 0], rows[m, 1], rows[m, 2] = PAN if q.plane else CONE, host, -1
                             rows[m, 3], rows[m, 4], rows[m, 5], rows[m, 6] = threat, k, second, k2
+                            rows[m, 7] = s.rigs[host]
                             m += 1
         x, y, z = s.positions[host, 0], s.positions[host, 1], s.positions[host, 2]
         if q.whole_path:

@@ -3,21 +3,18 @@
 import math
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
-from scipy.spatial.distance import cdist
 
 from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.placement.airspace import Airspace
-from hsop_gcs.placement.fusion import with_more_views
-from hsop_gcs.placement.objective import evaluate, hover_altitudes_m, noise_rad, threat_points_m, threat_ways_m
+from hsop_gcs.placement.answer import KINDS, compass_deg, names_of, valued
+from hsop_gcs.placement.objective import hover_altitudes_m, noise_rad, threat_points_m, threat_ways_m, weight
 from hsop_gcs.placement.problem import Formulation, Objective, Problem
-from hsop_gcs.placement.search.anneal import State, new_state, refresh, set_view
+from hsop_gcs.placement.search.anneal import State, left_over, new_state, refresh, set_view
 from hsop_gcs.placement.search.areas import STRICTER_M, areas_of
 from hsop_gcs.placement.search.frame import GRID_M, Frame
 from hsop_gcs.placement.search.model import CENTRAL, PERIPHERAL, Floats, Question, central_cone, view_window
-from hsop_gcs.placement.solution import HoverPose, Placement, Status, ThreatPair, View
+from hsop_gcs.placement.solution import HoverPose, Placement, View
 
-KINDS = {PERIPHERAL: CameraKind.PERIPHERAL, CENTRAL: CameraKind.CENTRAL}
 STRICTER = 1e-7
 """The search keeps so much more of every rule without a length, relative or in radians, than asked."""
 
@@ -36,23 +33,27 @@ def question_of(problem: Problem, frame: Frame) -> Question:
         floor_m, ceiling_m = _within(problem, floor_m, ceiling_m)
     else:
         points[:, :, 2] = paths[:, :, 2] = floor_m = ceiling_m = 0.0
-    peripheral, central = problem.rig.peripheral, problem.rig.central
+    rigs = problem.rigs
     sizes = np.array([threat.size_m for threat in problem.threats])
-    focal_px = np.array([[peripheral.focal_length_px], [central.focal_length_px]])
-    least_px = np.array([[peripheral.min_pixels], [central.min_pixels]])
-    angular = noise_rad(problem.rig, problem.attitude_sigma_rad)
+    cameras = [camera for rig in rigs for camera in (rig.peripheral, rig.central)]
+    focal_px = np.array([[camera.focal_length_px] for camera in cameras])
+    least_px = np.array([[camera.min_pixels] for camera in cameras])
     rms = problem.objective is Objective.RMS
-    noises = np.array([[angular[KINDS[PERIPHERAL]]], [angular[KINDS[CENTRAL]]]])
+    angular = [noise_rad(rig, problem.attitude_sigma_rad) for rig in rigs]
+    noises = np.array([[noise[KINDS[camera]]] for noise in angular for camera in (PERIPHERAL, CENTRAL)])
+    fov_rad = np.array([2 * rig.central.half_fov_rad - STRICTER for rig in rigs])
+    carried = [host.rig or problem.rig for host in problem.hosts] or [problem.rig] * (2 * len(sizes))
     sides, areas = areas_of(problem.airspace if operational else Airspace(), frame)
     return Question(
         points_m=points,
         paths_m=paths,
-        weight=np.array([threat.weight if operational else 1.0 for threat in problem.threats]),
+        weight=np.array([weight(problem, threat) for threat in problem.threats]),
         range_m=focal_px * sizes / least_px * (1 - STRICTER),
-        factor=np.broadcast_to(noises, (2, len(sizes))).copy() if rms else 1 / (focal_px * sizes),
-        distortion=np.array(peripheral.distortion, dtype=np.float64),
-        fov_rad=2 * central.half_fov_rad - STRICTER,
-        fov_cosine=math.cos(2 * central.half_fov_rad - STRICTER),
+        factor=np.repeat(noises, len(sizes), axis=1) if rms else 1 / (focal_px * sizes),
+        distortion=np.array([rig.peripheral.distortion for rig in rigs], dtype=np.float64),
+        fov_rad=fov_rad,
+        fov_cosine=np.cos(fov_rad),
+        hosts_of_rig=np.array([carried.count(rig) for rig in rigs], dtype=np.int64),
         safety_m=problem.safety_distance_m + STRICTER_M,
         separation_m=problem.min_separation_m + STRICTER_M if operational and problem.min_separation_m > 0 else 0.0,
         whole_path=operational,
@@ -76,42 +77,18 @@ def _within(problem: Problem, floor_m: float, ceiling_m: float) -> tuple[float, 
     return floor_m, max(floor_m, ceiling_m)
 
 
-def names_of(problem: Problem, positions_m: Floats) -> list[str]:
-    """Return who takes which hover point: least distance flown in total; h1, h2, ... when no hosts are given."""
-    if not problem.hosts:
-        return [f"h{k + 1}" for k in range(len(positions_m))]
-    now_m = np.array([host.position_m[:2] for host in problem.hosts])
-    _, chosen = linear_sum_assignment(cdist(positions_m[:, :2], now_m))
-    return [problem.hosts[host].id for host in chosen]
-
-
 def placement_of(problem: Problem, frame: Frame, q: Question, state: State) -> Placement:
     """Turn a state that keeps every rule into the answer, valued by the exact reference."""
     positions = frame.outward(state.positions)
     if problem.formulation is Formulation.LETTER:
         positions[:, 2] = hover_altitudes_m(problem)[0]
-    names = names_of(problem, positions)
+    names = names_of(problem, positions, [problem.rigs[rig] for rig in state.rigs])
     poses = tuple(_pose(problem, frame, q, state, host, name, positions[host]) for host, name in enumerate(names))
     views = {}
     for threat, pair, cameras in zip(problem.threats, state.pairs, state.cameras, strict=True):
         first, second = (View(host=names[h], camera=KINDS[int(c)]) for h, c in zip(pair, cameras, strict=True))
         views[threat.id] = (first, second)
-    worth = evaluate(problem, poses, views)
-    costs = worth.expected_errors_m if problem.objective is Objective.RMS else worth.pair_costs
-    if problem.objective is Objective.RMS:
-        costs = {t.id: float(w) * costs[t.id] for t, w in zip(problem.threats, q.weight, strict=True)}
-    placement = Placement(
-        status=Status.FEASIBLE,
-        formulation=problem.formulation,
-        objective=problem.objective,
-        hosts=poses,
-        pairs=tuple(
-            ThreatPair(threat=t, views=v, cost=costs[t], expected_error_m=worth.expected_errors_m[t])
-            for t, v in views.items()
-        ),
-        cost=sum(costs.values()),
-    )
-    return with_more_views(problem, placement)
+    return valued(problem, poses, views)
 
 
 def _pose(
@@ -134,28 +111,28 @@ def _pose(
     return HoverPose(
         host=name,
         position_m=(float(position_m[0]), float(position_m[1]), float(position_m[2])),
-        heading_deg=_compass_deg(axis),
-        pan_deg=_compass_deg(aim) if count > 0 else None,
+        heading_deg=compass_deg(math.atan2(*axis)),
+        pan_deg=compass_deg(math.atan2(*aim)) if count > 0 else None,
         tilt_deg=math.degrees(tilt),
     )
-
-
-def _compass_deg(vector: Floats) -> float:
-    """Return a direction as degrees in [0, 360); rounding just below north must not give 360."""
-    return math.degrees(math.atan2(vector[0], vector[1])) % 360.0 % 360.0
 
 
 def state_of(problem: Problem, frame: Frame, q: Question, placement: Placement, n_hosts: int) -> State:
     """Return an earlier placement as a state for ``n_hosts`` hosts and today's threats.
 
-    Threats are recognised by id. A new threat is given to the two nearest hosts; the least busy hosts leave first;
-    hosts that are added stand beside the costliest threats. Rules may be broken: the search mends that.
+    Threats and hosts are recognised by id. A new threat is given to the two nearest hosts; the least busy hosts leave
+    first; hosts that are added stand beside the costliest threats, with rigs that are left over. Rules may be broken:
+    the search mends that.
     """
     leaving = len(placement.hosts) - n_hosts
     views = [view.host for pair in placement.pairs for view in pair.views]
     kept = sorted(placement.hosts, key=lambda pose: views.count(pose.host))[max(0, leaving) :]
     index = {pose.host: k for k, pose in enumerate(kept)}
     state = new_state(len(problem.threats), n_hosts)
+    carried = {host.id: problem.rigs.index(host.rig or problem.rig) for host in problem.hosts}
+    state.rigs[:] = [carried.get(pose.host, -1) for pose in kept] + [-1] * max(0, -leaving)
+    for unknown in np.flatnonzero(state.rigs < 0):
+        state.rigs[unknown] = max(range(len(problem.rigs)), key=lambda rig: left_over(q, state, rig))
     for k, pose in enumerate(kept):
         state.positions[k] = frame.inward(np.array(pose.position_m))
         heading = math.radians(pose.heading_deg)
