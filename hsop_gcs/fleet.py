@@ -15,6 +15,8 @@ class Host:
     connection: str
     """``udpin:HOST:PORT`` to listen there, ``udpout:HOST:PORT`` or ``tcp:HOST:PORT`` to speak first, or
     ``serial:DEVICE:BAUD``."""
+    rig: CameraRig | None = None
+    """None: the fleet's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,11 +30,16 @@ class FlightLimits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fleet:
-    """All hosts of a mission; they carry the same rig."""
+    """All hosts of a mission."""
 
     hosts: tuple[Host, ...]
     limits: FlightLimits = field(default_factory=FlightLimits)
     rig: CameraRig = field(default_factory=CameraRig)
+    """Of every host that has none of its own."""
+
+    def rigs(self) -> dict[str, CameraRig]:
+        """Return what each host carries, by its id."""
+        return {host.id: host.rig or self.rig for host in self.hosts}
 
     def host_of_system(self, system_id: int) -> Host:
         """Return the host with this MAVLink system id. Raises KeyError if there is none."""

@@ -22,6 +22,7 @@ from pydantic import (
 )
 
 from hsop_gcs.areas import Area, read_areas
+from hsop_gcs.cameras.calibration import load_fisheye
 from hsop_gcs.cameras.fisheye import FisheyeCamera
 from hsop_gcs.cameras.pinhole import PinholeCamera
 from hsop_gcs.cameras.rig import CameraRig
@@ -205,9 +206,48 @@ class CentralSection(_Section):
     min_pixels: Positive = 30.0
 
 
+def _calibrated(value: object, info: ValidationInfo) -> FisheyeCamera:
+    """Read a calibration; a relative name is looked for beside FLEET.toml."""
+    if not isinstance(value, str):
+        raise ValueError("must be the name of a file")
+    try:
+        return load_fisheye((info.context or Path()) / value)
+    except BadInput as error:
+        raise ValueError(str(error)) from error
+
+
+CalibrationFile = Annotated[FisheyeCamera, BeforeValidator(_calibrated)]
+"""The name of an OpenCV fisheye calibration, YAML or JSON; the lens it describes."""
+
+
 class RigSection(_Section):
-    peripheral: PeripheralSection = PeripheralSection()
-    central: CentralSection = CentralSection()
+    """A section that is missing from ``[rigs.NAME]`` is that of ``[rig]``, and from that the letter's."""
+
+    peripheral: PeripheralSection | None = None
+    calibration: CalibrationFile | None = None
+    """Of the fisheyes: takes the place of all that ``peripheral`` says but ``min_pixels``."""
+    central: CentralSection | None = None
+
+    @model_validator(mode="after")
+    def _some_camera(self) -> Self:
+        if self.calibration is not None and self.peripheral is not None:
+            known = self.peripheral.model_fields_set - {"min_pixels"}
+            if known:
+                raise ValueError(f"the calibration file says what peripheral.{min(known)} is")
+        try:
+            self.to_rig(CameraRig())
+        except BadInput as error:
+            raise ValueError(str(error)) from error
+        return self
+
+    def to_rig(self, otherwise: CameraRig) -> CameraRig:
+        lens = otherwise.peripheral
+        if self.calibration is not None:
+            lens = replace(self.calibration, min_pixels=(self.peripheral or PeripheralSection()).min_pixels)
+        elif self.peripheral is not None:
+            lens = FisheyeCamera(**self.peripheral.model_dump())
+        central = otherwise.central if self.central is None else PinholeCamera(**self.central.model_dump())
+        return CameraRig(peripheral=lens, central=central)
 
 
 def _connection(text: str) -> str:
@@ -221,6 +261,8 @@ class HostSection(_Section):
     id: Annotated[str, Field(min_length=1, max_length=64)]
     system_id: Annotated[int, Field(ge=1, le=250)]
     connection: Annotated[str, AfterValidator(_connection)]
+    rig: str | None = None
+    """Names one of ``[rigs.NAME]``; None: ``[rig]``."""
 
 
 class Settings(_Section):
@@ -232,6 +274,7 @@ class Settings(_Section):
     tracks: TracksSection = TracksSection()
     limits: LimitsSection = LimitsSection()
     rig: RigSection = RigSection()
+    rigs: dict[str, RigSection] = {}
     fence: FenceSection | None = None
     keep_out: tuple[KeepOutSection, ...] = ()
     hosts: Annotated[tuple[HostSection, ...], Field(min_length=1)]
@@ -250,6 +293,13 @@ class Settings(_Section):
         return hosts
 
     @model_validator(mode="after")
+    def _rigs_exist(self) -> Self:
+        for host in self.hosts:
+            if host.rig is not None and host.rig not in self.rigs:
+                raise ValueError(f"host {host.id!r}: there is no [rigs.{host.rig}]")
+        return self
+
+    @model_validator(mode="after")
     def _near_the_origin(self) -> Self:
         origin = self.site.origin
         for name, sections in (("fence", (self.fence,) if self.fence else ()), ("keep_out", self.keep_out)):
@@ -264,13 +314,15 @@ class Settings(_Section):
         return Site(frame=LocalFrame(origin), geoid_separation_m=self.site.geoid_separation_m)
 
     def to_fleet(self) -> Fleet:
+        common = self.rig.to_rig(CameraRig())
+        rigs: dict[str | None, CameraRig | None] = {None: None}
+        for name, section in self.rigs.items():
+            own = section.to_rig(common)
+            rigs[name] = None if own == common else own
         return Fleet(
-            hosts=tuple(Host(**host.model_dump()) for host in self.hosts),
+            hosts=tuple(Host(**host.model_dump(exclude={"rig"}), rig=rigs[host.rig]) for host in self.hosts),
             limits=FlightLimits(**self.limits.model_dump()),
-            rig=CameraRig(
-                peripheral=FisheyeCamera(**self.rig.peripheral.model_dump()),
-                central=PinholeCamera(**self.rig.central.model_dump()),
-            ),
+            rig=common,
         )
 
     def to_planning_rules(self) -> PlanningRules:

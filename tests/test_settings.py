@@ -170,3 +170,58 @@ def test_the_command_sums_up_a_good_file_and_lists_the_faults_of_a_bad_one(tmp_p
     assert f"{path}:12: hosts.1.system_id" in bad.stderr
     faults = json.loads(check(str(path), "--json").stdout)["faults"]
     assert [fault["field"] for fault in faults] == ["site.origin.lat_deg", "hosts.1.system_id"]
+
+
+RIGS = """
+[rig.central]
+fov_deg = 60.0
+
+[rigs.sharp.central]
+resolution_px = 1920
+
+[rigs.measured]
+calibration = "lens.json"
+peripheral = { min_pixels = 6.0 }
+"""
+
+
+def test_hosts_carry_the_rigs_that_are_named_for_them(tmp_path: Path) -> None:
+    lens = {"K": [[400.0, 0, 700], [0, 402.0, 700], [0, 0, 1]], "D": [0.01, 0.0, 0.0, 0.0], "image_width": 1400}
+    (tmp_path / "lens.json").write_text(json.dumps(lens))
+    path = tmp_path / "FLEET.toml"
+    more = (
+        '[[hosts]]\nid = "h3"\nsystem_id = 3\nconnection = "udpin:127.0.0.1:14543"\nrig = "sharp"\n'
+        '[[hosts]]\nid = "h4"\nsystem_id = 4\nconnection = "udpin:127.0.0.1:14544"\nrig = "measured"\n'
+    )
+    path.write_text(GOOD + more + RIGS)
+    fleet = read_settings(path).to_fleet()
+    rigs = fleet.rigs()
+    assert fleet.rig.central.fov_deg == 60.0
+    assert rigs["h1"] == fleet.rig
+    assert rigs["h3"].peripheral == fleet.rig.peripheral
+    assert (rigs["h3"].central.resolution_px, rigs["h3"].central.fov_deg) == (1920, 53.0)
+    assert rigs["h4"].peripheral.focal_length_px == pytest.approx(401.0)
+    assert (rigs["h4"].peripheral.min_pixels, rigs["h4"].peripheral.distortion[0]) == (6.0, 0.01)
+    assert rigs["h4"].central == fleet.rig.central
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("sharp.central", "blunt.central"), "host 'h3': there is no \\[rigs.sharp\\]"),
+        (("lens.json", "none.json"), "rigs.measured.calibration: .*none.json: No such file"),
+        (('"lens.json"', "3"), "rigs.measured.calibration: must be the name of a file"),
+        (("resolution_px = 1920", "resolution_px = 0"), "rigs.sharp.central.resolution_px"),
+        (("min_pixels = 6.0", "focal_length_mm = 1.2"), "the calibration file says what peripheral.focal_length_mm is"),
+        (("[rig.central]", "[rig.peripheral]\ndistortion = [-9, 0, 0, 0]\n[rig.central]"), "rig: .*must grow up to 90"),
+    ],
+)
+def test_a_rig_that_no_host_can_carry_is_a_fault(tmp_path: Path, change: tuple[str, str], message: str) -> None:
+    lens = {"K": [[400.0, 0, 700], [0, 402.0, 700], [0, 0, 1]], "D": [0.01, 0.0, 0.0, 0.0], "image_width": 1400}
+    (tmp_path / "lens.json").write_text(json.dumps(lens))
+    more = '[[hosts]]\nid = "h3"\nsystem_id = 3\nconnection = "udpin:127.0.0.1:14543"\nrig = "sharp"\n'
+    path = tmp_path / "FLEET.toml"
+    assert change[0] in RIGS
+    path.write_text(GOOD + more + RIGS.replace(*change))
+    with pytest.raises(BadInput, match=message):
+        read_settings(path)

@@ -48,12 +48,16 @@ def orders_for(
 ) -> tuple[HostOrder, ...] | NoSafeFlight:
     """Give every hover pose to a host: minimum longest flight among routes that keep the safety distance.
 
+    A pose goes to a host with the same rig as the one that it was found for.
     ``threats_now`` decide which routes are safe for hosts that set out at once. ``threats_then``, the threats of
     the placement, decide where cameras look. Orders come in the sequence of the placement's hosts.
     """
+    rigs = {mover.id: mover.rig for mover in movers}
     routes = [
         [
             safe_route(mover, pose.position_m, threats_now, horizon_s=horizon_s, safety_distance_m=safety_distance_m)
+            if mover.rig == rigs.get(pose.host)
+            else None
             for pose in placement.hosts
         ]
         for mover in movers

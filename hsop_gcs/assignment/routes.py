@@ -6,6 +6,7 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
+from hsop_gcs.cameras.rig import CameraRig
 from hsop_gcs.placement.problem import Point, Threat
 
 FloatArray = npt.NDArray[np.float64]
@@ -28,6 +29,8 @@ class Mover:
     id: str
     position_m: Point
     speed_mps: float
+    rig: CameraRig | None = None
+    """None: the one that hosts have in common."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

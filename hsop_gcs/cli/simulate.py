@@ -73,14 +73,18 @@ def register(app: typer.Typer) -> None:
             list[str] | None,
             typer.Option(help="The service's name of a vehicle, once per vehicle; without: h1, h2, ..."),
         ] = None,
+        fleet_config: Annotated[
+            Path | None,
+            typer.Option("--config", help="FLEET.toml: the vehicles carry the rigs that it gives its hosts."),
+        ] = None,
         exit_with_stdin: Annotated[
             bool, typer.Option("--exit-with-stdin", help="End when standard input is closed.")
         ] = False,
     ) -> None:
         """Fly simulated PX4 or ArduPilot vehicles that any MAVLink ground station can talk to over UDP.
 
-        With --truth and --detections-to they also see: each carries the rig of the letter's Table 1, and what its
-        cameras detect is posted. True threats fly on the clock of the wall, whatever --speed.
+        With --truth and --detections-to they also see: each carries the rig of the letter's Table 1, or that of
+        --config, and what its cameras detect is posted. True threats fly on the clock of the wall, whatever --speed.
         """
         import asyncio
         import time
@@ -155,12 +159,14 @@ def register(app: typer.Typer) -> None:
         lookout = None
         if truth is not None and detections_to is not None:
             from hsop_gcs.geometry.frames import LocalFrame
+            from hsop_gcs.settings import read_settings
             from hsop_gcs.simulator.lookout import Lookout, LookoutConfig
             from hsop_gcs.simulator.truth import read_truth
 
             chosen = LookoutConfig(
                 service=_service(detections_to),
                 host_ids=host_id or [f"h{number}" for number in range(1, vehicles + 1)],
+                rigs={} if fleet_config is None else read_settings(fleet_config).to_fleet().rigs(),
                 rate_hz=detection_rate,
                 latency_s=detection_latency_ms * 1e-3,
                 give_up_s=detection_latency_ms * 1e-3 + 2.0,

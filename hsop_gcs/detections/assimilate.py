@@ -96,13 +96,16 @@ class Assimilated:
 
 
 def rays_of(
-    detections: Sequence[Detection], poses: Mapping[str, PoseHistory], rig: CameraRig, rules: DetectionRules
+    detections: Sequence[Detection],
+    poses: Mapping[str, PoseHistory],
+    rigs: Mapping[str, CameraRig],
+    rules: DetectionRules,
 ) -> tuple[Ray | Refused, ...]:
     """Return each detection's ray, from where its host was and how it was turned then, or why there is none.
 
-    poses: of every host that may be named.
+    poses, rigs: of every host that may be named.
     """
-    return tuple(_ray_or_refusal(detection, poses, rig, rules) for detection in detections)
+    return tuple(_ray_or_refusal(detection, poses, rigs, rules) for detection in detections)
 
 
 def assimilate(
@@ -149,14 +152,14 @@ def let_go(watch: Watch, now_s: float, rules: DetectionRules) -> Watch:
 
 
 def _ray_or_refusal(
-    detection: Detection, poses: Mapping[str, PoseHistory], rig: CameraRig, rules: DetectionRules
+    detection: Detection, poses: Mapping[str, PoseHistory], rigs: Mapping[str, CameraRig], rules: DetectionRules
 ) -> Ray | Refused:
     history = poses.get(detection.host)
     if history is None:
         problem = f"{detection.host!r} is no host whose telemetry is heard"
         return Refused(reason=Reason.NO_POSE, field="host", problem=problem)
     try:
-        return to_ray(detection, history.at(detection.time_s, rules.pose_limit_s), rig)
+        return to_ray(detection, history.at(detection.time_s, rules.pose_limit_s), rigs[detection.host])
     except Unusable as error:
         return Refused(reason=error.reason, field=error.field, problem=error.problem)
 

@@ -133,7 +133,7 @@ class Mission:
     def detect(self, detections: Sequence[Detection]) -> tuple[RayVerdict, ...]:
         """Take what hosts' cameras saw into the picture; return what became of each detection, in their order."""
         rules = self.state.rules
-        rays = rays_of(detections, self._poses, self.fleet.rig, rules.detections)
+        rays = rays_of(detections, self._poses, self.fleet.rigs(), rules.detections)
         given = RaysArrived(time_s=self.clock(), rays=rays, hosts_m=self._hosts_m())
         self._record(given)
         self.state, verdicts = take_rays(self.state, given)
@@ -390,7 +390,7 @@ class Mission:
     def _movers(self) -> tuple[Mover, ...]:
         unavailable = self.unavailable()
         return tuple(
-            mover_of(host.id, self.vehicle(host).state, self.site.frame, self.fleet.limits)
+            mover_of(host, self.vehicle(host).state, self.site.frame, self.fleet.limits)
             for host in self.fleet.hosts
             if host.id not in unavailable
         )

@@ -7,7 +7,7 @@ import numpy as np
 
 from hsop_gcs.assignment import HostOrder, Mover
 from hsop_gcs.detections import PoseHistory
-from hsop_gcs.fleet import FlightLimits
+from hsop_gcs.fleet import FlightLimits, Host
 from hsop_gcs.geometry.frames import LocalFrame
 from hsop_gcs.link.events import (
     AimClipped,
@@ -64,11 +64,11 @@ class OrderProgress:
         return self.order.position_m if self.on_last_leg else self.order.via_m[self.leg]
 
 
-def mover_of(host_id: str, state: VehicleState, frame: LocalFrame, limits: FlightLimits) -> Mover:
+def mover_of(host: Host, state: VehicleState, frame: LocalFrame, limits: FlightLimits) -> Mover:
     """Return the host as assignment sees it. The state must have a position."""
     assert state.position is not None
     east, north, up = (float(value) for value in frame.to_enu(state.position))
-    return Mover(id=host_id, position_m=(east, north, up), speed_mps=limits.speed_mps)
+    return Mover(id=host.id, position_m=(east, north, up), speed_mps=limits.speed_mps, rig=host.rig)
 
 
 def with_telemetry(history: PoseHistory, state: VehicleState, frame: LocalFrame, *, ahead_s: float) -> PoseHistory:

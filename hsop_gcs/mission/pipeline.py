@@ -57,6 +57,7 @@ class PlanningRules:
     max_views: int = 2
     """Of a threat, fused into its expected error."""
     rig: CameraRig = field(default_factory=CameraRig)
+    """Of every host that has none of its own."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -169,7 +170,9 @@ def _decide_for(
 def _problem(situation: Situation, rules: PlanningRules, lead_s: float) -> Problem:
     return Problem(
         threats=tuple(replace(threat, position_m=threat.predicted_m(lead_s)) for threat in situation.threats),
-        hosts=tuple(AvailableHost(id=mover.id, position_m=mover.position_m) for mover in situation.movers),
+        hosts=tuple(
+            AvailableHost(id=mover.id, position_m=mover.position_m, rig=mover.rig) for mover in situation.movers
+        ),
         rig=rules.rig,
         horizon_s=rules.horizon_s,
         safety_distance_m=rules.safety_distance_m + rules.safety_margin_m,

@@ -6,7 +6,7 @@ really turned. What noise carries off the sensor is not detected.
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
@@ -22,10 +22,11 @@ from hsop_gcs.simulator.truth import TrueState
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Viewer:
-    """A host as it really is: ENU position, attitude and where its gimbal really looks."""
+    """A host as it really is: ENU position, attitude and where its gimbal really looks, and its cameras."""
 
     host: str
     pose: Pose
+    rig: CameraRig = field(default_factory=CameraRig)
 
 
 _CAMERAS = ((CameraKind.PERIPHERAL, Lens.FRONT), (CameraKind.PERIPHERAL, Lens.BACK), (CameraKind.CENTRAL, None))
@@ -34,7 +35,6 @@ _CAMERAS = ((CameraKind.PERIPHERAL, Lens.FRONT), (CameraKind.PERIPHERAL, Lens.BA
 def look(
     viewers: Iterable[Viewer],
     threats: Sequence[TrueState],
-    rig: CameraRig,
     time_s: float,
     rng: np.random.Generator,
     *,
@@ -48,12 +48,12 @@ def look(
     for viewer in viewers:
         for camera, lens in _CAMERAS:
             for threat in threats:
-                pixel = image(viewer.pose, threat, rig, camera, lens)
+                pixel = image(viewer.pose, threat, viewer.rig, camera, lens)
                 if pixel is None:
                     continue
                 sigma_px = SIGMA_PX[camera]
                 u_px, v_px = (pixel + noise * sigma_px * rng.standard_normal(2)).tolist()
-                if _on_sensor(u_px, v_px, rig, camera):
+                if _on_sensor(u_px, v_px, viewer.rig, camera):
                     seen = Pixel(u_px=u_px, v_px=v_px, sigma_px=sigma_px)
                     found.append(Detection(host=viewer.host, camera=camera, lens=lens, time_s=time_s, seen=seen))
     return found

@@ -10,8 +10,8 @@ Looking and posting are tasks of their own: a service that does not answer costs
 import asyncio
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import httpx2
@@ -26,6 +26,7 @@ from hsop_gcs.simulator.fleet import SimulatedFleet
 from hsop_gcs.simulator.truth import Truth
 
 PATH = "/api/v1/detections"
+LETTERS = CameraRig()
 _LARGEST_POST = 500
 _ANSWER_WITHIN_S = 2.0
 _RETRY_AFTER_S = 0.1
@@ -38,6 +39,8 @@ class LookoutConfig:
     service: str
     """Base address, such as http://127.0.0.1:8080."""
     host_ids: Sequence[str]
+    rigs: Mapping[str, CameraRig] = field(default_factory=dict)
+    """What hosts carry, by their ids; any other has the letter's."""
     rate_hz: float = 5.0
     latency_s: float = 0.1
     """From the exposure to the first attempt to post."""
@@ -111,7 +114,6 @@ class Lookout:
         config: LookoutConfig,
         *,
         clock: Callable[[], float],
-        rig: CameraRig | None = None,
     ) -> None:
         self.tally = Tally()
         self.epoch_s = clock() if truth.epoch_s is None else truth.epoch_s
@@ -120,7 +122,6 @@ class Lookout:
         self._frame = frame
         self._config = config
         self._clock = clock
-        self._rig = rig or CameraRig()
         self._rng = np.random.default_rng(config.seed)
         self._outbox = Outbox(latency_s=config.latency_s, give_up_s=config.give_up_s)
         self._more = asyncio.Event()
@@ -136,10 +137,10 @@ class Lookout:
         self._fleet.advance()
         now_s = self._clock()
         viewers = [
-            Viewer(host=host, pose=pose_of(vehicle, self._frame))
+            Viewer(host=host, pose=pose_of(vehicle, self._frame), rig=self._config.rigs.get(host, LETTERS))
             for host, vehicle in zip(self._config.host_ids, self._fleet.vehicles, strict=True)
         ]
-        return look(viewers, self._truth.at(now_s - self.epoch_s), self._rig, now_s, self._rng)
+        return look(viewers, self._truth.at(now_s - self.epoch_s), now_s, self._rng)
 
     async def _look_steadily(self) -> None:
         period_s = 1 / self._config.rate_hz

@@ -1,13 +1,15 @@
 """Orders: safe flights, and cameras aimed in three dimensions."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hsop_gcs.assignment import HostOrder, Mover, NoSafeFlight, clearance_m, orders_for, safe_route
-from hsop_gcs.cameras.rig import CameraKind
+from hsop_gcs.cameras.pinhole import PinholeCamera
+from hsop_gcs.cameras.rig import CameraKind, CameraRig
 from hsop_gcs.placement.problem import Formulation, Objective, Point, Threat
 from hsop_gcs.placement.solution import HoverPose, Placement, Status, ThreatPair, View
 
@@ -146,3 +148,15 @@ def test_no_route_comes_nearer_than_it_may(start: Point, goal: Point, moving: li
     for threat in threats:
         allowed = min(20.0, math.dist(start, threat.position_m))
         assert clearance_m(flying, route.points_m, (threat,), horizon_s=10.0) >= allowed - 1 * CENTIMETRE
+
+
+def test_a_hover_point_is_given_only_to_a_host_with_the_rig_that_it_was_found_for() -> None:
+    sharp = CameraRig(central=PinholeCamera(resolution_px=1920))
+    near, far = mover("near", 0, -60, 20), replace(mover("a", -90, 0, 50), rig=sharp)
+    others = (near, far, mover("b", -60, 0, 50))
+    orders = ordered(others)
+    assert not isinstance(orders, NoSafeFlight)
+    assert {order.host: order.position_m for order in orders} == {"a": (0, -30, 20), "b": (-40, 0, 50)}
+    alike = ordered(tuple(replace(each, rig=None) for each in others))
+    assert not isinstance(alike, NoSafeFlight)
+    assert {order.host for order in alike} == {"near", "b"}

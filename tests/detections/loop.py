@@ -92,13 +92,11 @@ class Loop:
 
     def step(self) -> None:
         """Pass one period: the newest telemetry and detections arrive, those of one latency ago."""
-        viewers = [Viewer(host=hover.host, pose=self._pose(hover)) for hover in self.hovers]
-        seen = look(
-            viewers, [flight.state() for flight in self.flights], self.rig, self.time_s, self.rng, noise=self.noise
-        )
+        viewers = [Viewer(host=hover.host, pose=self._pose(hover), rig=self.rig) for hover in self.hovers]
+        seen = look(viewers, [flight.state() for flight in self.flights], self.time_s, self.rng, noise=self.noise)
         for viewer in viewers:
             self._hear(viewer, self.time_s)
-        rays = rays_of(seen, self.poses, self.rig, self.rules)
+        rays = rays_of(seen, self.poses, dict.fromkeys(self.poses, self.rig), self.rules)
         done = assimilate(
             self.picture,
             self.watch,

@@ -174,7 +174,7 @@ def test_every_detection_without_a_ray_says_why_and_costs_only_itself() -> None:
             pixel_detection(640.0, 480.0, host="a"),
         ],
         poses,
-        RIG,
+        dict.fromkeys(poses, RIG),
         DetectionRules(),
     )
     done = take(reported(("t1", THREAT), sigma_m=2.0), rays)

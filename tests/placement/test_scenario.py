@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hsop_gcs.cameras.pinhole import PinholeCamera
 from hsop_gcs.errors import BadInput
 from hsop_gcs.placement import place
 from hsop_gcs.placement.airspace import Airspace, KeepOut
@@ -58,6 +59,18 @@ def test_every_field_arrives_where_it_belongs() -> None:
     assert (problem.threats[0].size_m, problem.threats[0].weight) == (0.5, 2.0)
     assert [(host.id, host.position_m) for host in problem.hosts] == [("h1", (0.0, 0.0, 0.0)), ("h2", (0.0, 5.0, 1.0))]
     assert problem.max_hosts == 2
+
+
+def test_a_host_may_carry_cameras_of_its_own_and_the_others_carry_those_of_the_parameters() -> None:
+    own = {"id": "h3", "position_m": [1, 1], "central": {"fov_deg": 30}}
+    problem = problem_from_json({**GOOD, "hosts": [*GOOD["hosts"], own]})
+    assert [host.rig for host in problem.hosts[:2]] == [None, None]
+    assert problem.rig_of("h1") == problem.rig
+    assert problem.rig_of("h3").central == PinholeCamera(fov_deg=30.0)
+    assert problem.rig_of("h3").peripheral == problem.rig.peripheral
+    assert problem.rigs == (problem.rig, problem.rig_of("h3"))
+    with pytest.raises(BadInput, match=r"hosts\[2\]\.central\.fov_deg: must lie between 0 and 180"):
+        problem_from_json({**GOOD, "hosts": [*GOOD["hosts"], {**own, "central": {"fov_deg": 200}}]})
 
 
 def test_where_hosts_may_hover_and_how_well_they_know_their_pose_is_read() -> None:

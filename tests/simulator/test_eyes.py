@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from hsop_gcs.cameras.pinhole import PinholeCamera
 from hsop_gcs.cameras.rig import CameraKind, CameraRig
 from hsop_gcs.detections import Detection, Lens, Pixel, Pose
 from hsop_gcs.geometry.frames import Aim
@@ -97,7 +98,7 @@ def test_noise_has_30_and_3_pixels_on_each_axis() -> None:
     squares = {CameraKind.PERIPHERAL: 0.0, CameraKind.CENTRAL: 0.0}
     truth_px = {camera: image(LEVEL, seen, RIG, camera, lens) for camera, lens in (FRONT, CENTRAL)}
     for _ in range(count):
-        found = look([Viewer(host="h1", pose=LEVEL)], [seen], RIG, TIME_S, rng)
+        found = look([Viewer(host="h1", pose=LEVEL)], [seen], TIME_S, rng)
         assert [(each.camera, each.lens) for each in found] == [FRONT, CENTRAL]
         for each in found:
             assert isinstance(each.seen, Pixel)
@@ -111,7 +112,7 @@ def test_noise_has_30_and_3_pixels_on_each_axis() -> None:
 
 def test_what_noise_carries_off_the_sensor_is_not_detected() -> None:
     edge = threat(polar(20.0, 26.45))
-    found = look([Viewer(host="h1", pose=LEVEL)] * 200, [edge], RIG, TIME_S, np.random.default_rng(2))
+    found = look([Viewer(host="h1", pose=LEVEL)] * 200, [edge], TIME_S, np.random.default_rng(2))
     central = [each for each in found if each.camera is CameraKind.CENTRAL]
     assert 100 < len(central) < 200
     assert all(isinstance(each.seen, Pixel) and each.seen.u_px <= 1279.5 for each in central)
@@ -122,9 +123,17 @@ def test_every_host_sees_every_threat_and_the_same_seed_sees_the_same() -> None:
     threats = [threat(polar(25.0, 10.0)), threat(polar(30.0, 200.0))]
 
     def run() -> list[Detection]:
-        return look(viewers, threats, RIG, TIME_S, np.random.default_rng(5))
+        return look(viewers, threats, TIME_S, np.random.default_rng(5))
 
     first = run()
     assert first == run()
     assert {each.host for each in first} == {"h0", "h1", "h2"}
     assert all(each.time_s == TIME_S and each.threat_id is None for each in first)
+
+
+def test_each_host_sees_with_its_own_cameras() -> None:
+    far_sighted = CameraRig(central=PinholeCamera(resolution_px=2560))
+    viewers = [Viewer(host="h1", pose=LEVEL), Viewer(host="h2", pose=LEVEL, rig=far_sighted)]
+    beyond = threat(polar(1.5 * 1280 / 30, 0.0))
+    found = look(viewers, [beyond], TIME_S, np.random.default_rng(1))
+    assert [each.host for each in found if each.camera is CameraKind.CENTRAL] == ["h2"]
