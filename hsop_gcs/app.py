@@ -14,6 +14,7 @@ import uvicorn
 from hsop_gcs.api import create_api
 from hsop_gcs.api.placements import WhatIf
 from hsop_gcs.errors import Unavailable
+from hsop_gcs.geometry import triangulation
 from hsop_gcs.journal import Journal
 from hsop_gcs.link.pump import Link
 from hsop_gcs.link.tlog import TlogWriter, create_tlog
@@ -41,6 +42,7 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
             if journal.repair is not None:
                 log.warning("journal %s: its last line was torn; %d bytes were cut off", path, journal.repair.bytes_cut)
         solver = await stack.enter_async_context(Solver())
+        triangulation.warm_up()  # before the loop has anything to do: compiling would stop it for seconds
         tlog = None
         if settings.service.tlog is not None:
             tlog = TlogWriter(stack.enter_context(create_tlog(Path(settings.service.tlog), time.time())))

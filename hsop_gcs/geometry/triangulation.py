@@ -8,7 +8,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from hsop_gcs.geometry.rays import FloatArray, Rays
+from hsop_gcs.geometry.rays import FloatArray, Rays, camera_axes
 
 Kernel = TypeVar("Kernel", bound=Callable[..., object])
 
@@ -72,6 +72,14 @@ def covariance(origins_m: npt.ArrayLike, rays: Rays, position_m: npt.ArrayLike) 
     origins, directions, whiteners = _contiguous(origins_m, rays)
     positions = np.broadcast_to(np.asarray(position_m, dtype=np.float64), (len(directions), 3))
     return np.asarray(_covariances(origins, directions, whiteners, positions, np.full(len(origins), np.inf)))
+
+
+def warm_up() -> None:
+    """Compile ``triangulate`` and ``covariance``, or load them from the cache."""
+    to_east, to_north = camera_axes(math.pi / 2), camera_axes(0.0)
+    rays = Rays(np.array([[to_east[2], to_north[2]]]), np.array([[to_east[:2], to_north[:2]]]))
+    origins = np.array([[0.0, 0.0, 0.0], [10.0, -10.0, 0.0]])
+    covariance(origins, rays, triangulate(origins, rays))
 
 
 def _contiguous(origins_m: npt.ArrayLike, rays: Rays) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -9,7 +9,7 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context, parent_process
 
 from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation, decide
-from hsop_gcs.placement.search import warm_up
+from hsop_gcs.placement.search import warm_up, warm_up_beside
 
 _PATIENCE_S = 30.0
 """On top of its time limit; after that the worker counts as hung."""
@@ -23,7 +23,7 @@ class Solver:
         return self
 
     async def __aexit__(self, *_: object) -> None:
-        end(self._pool)
+        self._end()
 
     async def decide(self, situation: Situation, rules: PlanningRules) -> Decision:
         """Return the decision for a situation.
@@ -37,7 +37,7 @@ class Solver:
             async with asyncio.timeout(2 * rules.time_limit_s + _PATIENCE_S):
                 return await loop.run_in_executor(self._pool, _decide, situation, rules)
         except (BrokenProcessPool, TimeoutError):
-            end(self._pool)
+            self._end()
             self._start()
             raise
 
@@ -49,6 +49,13 @@ class Solver:
     def _start(self) -> None:
         self._pool = worker()
         self._warm = self._pool.submit(warm_up)
+        self._beside = worker()
+        self._beside.submit(warm_up_beside)
+        self._warm.add_done_callback(lambda _: end(self._beside))
+
+    def _end(self) -> None:
+        end(self._pool)
+        end(self._beside)
 
 
 def worker(*, niceness: int = 0) -> ProcessPoolExecutor:

@@ -1,4 +1,8 @@
-"""Large-neighbourhood search: anneal a few hosts near one or two threats again, keep what is better."""
+"""Large-neighbourhood search: anneal a few hosts near one or two threats again, keep what is better.
+
+Plain Python on top of kernels: calling one takes microseconds, and whatever contains ``anneal`` and ``polish`` would
+compile them once more.
+"""
 
 import math
 
@@ -39,20 +43,17 @@ def mark_nearest(q: Question, s: State, threat: int, count: int, marks: Ints) ->
         count -= 1
 
 
-@kernel
 def costlier(s: State, chance: Chance) -> int:
     """Draw two threats and return the costlier one."""
     first, second = below(chance, s.cost.shape[0]), below(chance, s.cost.shape[0])
     return first if s.cost[first] >= s.cost[second] else second
 
 
-@kernel
 def marked(marks: Ints) -> Ints:
     """Return the indices of the ones."""
     return np.nonzero(marks)[0].astype(np.int64)
 
 
-@kernel
 def better(cost: float, violation: float, than_cost: float, than_violation: float) -> bool:
     """Compare placements: first by broken rules, then by cost."""
     if violation > 0 or than_violation > 0:
@@ -60,7 +61,6 @@ def better(cost: float, violation: float, than_cost: float, than_violation: floa
     return cost < than_cost
 
 
-@kernel
 def fresh(
     q: Question, s: State, trial: State, moves: int, hot: float, cold: float, reach_m: float, chance: Chance
 ) -> None:
@@ -71,7 +71,6 @@ def fresh(
     polish(q, s, np.ones(hosts.size, np.int64), POLISH_STEPS)
 
 
-@kernel
 def shake(q: Question, s: State, trial: State, moves: int, hot: float, reach_m: float, chance: Chance) -> None:
     """Anneal all of ``trial`` again from a moderate temperature, leaving the polished result in ``s``."""
     hosts = np.arange(s.degree.shape[0])
@@ -79,7 +78,6 @@ def shake(q: Question, s: State, trial: State, moves: int, hot: float, reach_m: 
     polish(q, s, np.ones(hosts.size, np.int64), POLISH_STEPS)
 
 
-@kernel
 def improve(
     q: Question, s: State, trial: State, best: State, rounds: int, moves_per_host: int, reach_m: float, chance: Chance
 ) -> int:

@@ -5,13 +5,16 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
+import numpy as np
+
 from hsop_gcs.placement.airspace import Airspace
 from hsop_gcs.placement.problem import Formulation, Problem, Threat
-from hsop_gcs.placement.search.anneal import State
+from hsop_gcs.placement.search.anneal import State, new_state
 from hsop_gcs.placement.search.bounds import fewest_hosts, lower_bound
 from hsop_gcs.placement.search.frame import Frame
 from hsop_gcs.placement.search.model import Question
 from hsop_gcs.placement.search.numbers import ROUNDS_TO_REFUSE, Courses, least_acceptable
+from hsop_gcs.placement.search.polish import polish
 from hsop_gcs.placement.search.question import frame_of, placement_of, question_of, state_of
 from hsop_gcs.placement.search.rounds import LANES, Course, run
 from hsop_gcs.placement.solution import Placement, Status, worst_error_m
@@ -159,13 +162,28 @@ def frontier(
 
 def warm_up() -> None:
     """Compile the kernels, or load them from the cache, on a small problem of each kind."""
+    for problem in _small_problems():
+        search(problem, n_hosts=4, seed=0, deadline=0.0, now=lambda: 0.0, iterations=1)
+
+
+def warm_up_beside() -> None:
+    """Compile what ``warm_up`` comes to last: beside it, in a second process, for whichever comes first."""
+    with ThreadPoolExecutor(1) as executor:
+        for problem in _small_problems():
+            q = question_of(problem, frame_of(problem))
+            unseen = new_state(len(problem.threats), 4)
+            unseen.violation[:] = 1.0  # nothing to polish: this is for the compiler
+            polish(q, unseen, np.ones(4, np.int64), 0)
+            lower_bound(q, executor, thorough=False)
+
+
+def _small_problems() -> list[Problem]:
     threats = tuple(
         Threat(id=f"t{k}", position_m=(30.0 * k, 5.0 * k, 0.0), velocity_mps=(1.0, 0.5 * k, 0.0)) for k in range(3)
     )
     # The letter's problem is plane, the other one has room above and below: they are bounded by different kernels.
-    for formulation in Formulation:
-        problem = Problem(threats=threats, formulation=formulation, airspace=Airspace(floor_m=-10.0, ceiling_m=10.0))
-        search(problem, n_hosts=4, seed=0, deadline=0.0, now=lambda: 0.0, iterations=1)
+    airspace = Airspace(floor_m=-10.0, ceiling_m=10.0)
+    return [Problem(threats=threats, formulation=formulation, airspace=airspace) for formulation in Formulation]
 
 
 def most_hosts(problem: Problem) -> int:
