@@ -7,6 +7,7 @@ threats and the aircraft are made up.
 import asyncio
 import json
 import math
+import signal
 import socket
 import subprocess
 import sys
@@ -38,8 +39,6 @@ TAKE_OFF_M = 25.0
 REPORTS_PER_S = 2.0
 POLLS_PER_S = 4.0
 REPORT_SIGMA_M = 15.0
-THREATS_AFTER_S = 18.0
-"""From the start to the first report: the fleet takes off meanwhile."""
 SETTLE_S = 4.0
 HORIZON_S = 14.0
 """A little longer than the letter's 10 s: these threats are slow, and a plan should outlast the flight to it."""
@@ -107,30 +106,31 @@ class Outcome:
 async def run_demo(autopilot: str) -> Outcome:
     """Run the demonstration; progress goes to stderr. Leaves no process behind, however it ends, only its journal."""
     started_s = time.monotonic()
+    asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, signal.raise_signal, signal.SIGINT)
     folder = Path(tempfile.mkdtemp(prefix="hsop-gcs-demo-"))
-    truth_file = folder / "truth.json"
     async with AsyncExitStack() as stack:
         port = _free_udp_port()
         address = await stack.enter_async_context(running_service(_settings(port, folder / "journal")))
         client = await stack.enter_async_context(httpx2.AsyncClient(base_url=address, timeout=5.0))
         screen = stack.enter_context(Screen())
-        await _planner_ready(client, screen)
-        epoch = _utc(time.time() + THREATS_AFTER_S)
-        truth = truth_from_json({**TRUTH, "epoch": epoch}, ORIGIN)
-        truth_file.write_text(json.dumps({**TRUTH, "epoch": epoch}))
-        await stack.enter_async_context(_simulated_fleet(autopilot, port, truth_file, address))
-        console = _DemoConsole(client, screen, truth)
+        show = await stack.enter_async_context(_simulated_fleet(autopilot, port, address))
+        console = _DemoConsole(client, screen)
         problem = ""
         try:
             async with asyncio.timeout(LIMIT_S):
-                await console.work()
+                await console.take_off()
+            await console.planner_ready()
+            given = {**TRUTH, "epoch": _utc(time.time())}
+            show(given)
+            async with asyncio.timeout(LIMIT_S):
+                await console.localize(truth_from_json(given, ORIGIN))
         except TimeoutError:
             problem = f"not all hosts were on station within {LIMIT_S:.0f} s: {console.doing}"
         hosts = await console.hosts()
     errors = console.errors
     rows = tuple(_row(host) for host in hosts if host["order"] is not None)
     summary = Summary(
-        threats=len(truth.threats),
+        threats=len(console.truth.threats),
         hosts=len(rows),
         all_arrived=bool(rows) and not problem and all(row.status.startswith("on station") for row in rows),
         hover_error_m=_worst(row.hover_error_m for row in rows),
@@ -143,12 +143,6 @@ async def run_demo(autopilot: str) -> Outcome:
     )
     cost = None if console.plan is None else console.plan["placement"]["cost"]
     return Outcome(summary=summary, rows=rows, errors=errors, plan_cost=cost, problem=problem)
-
-
-async def _planner_ready(client: httpx2.AsyncClient, screen: "Screen") -> None:
-    screen.say("loading the planner (the first time on a machine it is compiled, which takes up to a minute)")
-    while not (await client.get("/api/v1/health")).raise_for_status().json()["planning"]["ready"]:
-        await asyncio.sleep(1 / POLLS_PER_S)
 
 
 class Screen:
@@ -179,10 +173,10 @@ class Screen:
 class _DemoConsole:
     """An operator's console, played by a program: it knows the REST API, and for its scores the truth."""
 
-    def __init__(self, client: httpx2.AsyncClient, screen: Screen, truth: Truth) -> None:
+    def __init__(self, client: httpx2.AsyncClient, screen: Screen) -> None:
         self._client = client
         self._screen = screen
-        self._truth = truth
+        self.truth = Truth(threats=())
         self._report_errors: list[float] = []
         self._first_fix_m: float | None = None
         self._final_m: float | None = None
@@ -195,14 +189,24 @@ class _DemoConsole:
         reports_m = float(np.median(self._report_errors)) if self._report_errors else None
         return Errors(reports_m=reports_m, first_fix_m=self._first_fix_m, final_m=self._final_m)
 
-    async def work(self) -> None:
-        """Bring the fleet into the air, report threats, approve plans, and wait until all hosts see."""
+    async def take_off(self) -> None:
+        """Bring the fleet into the air."""
         self._begin("waiting for the hosts' links")
         await self._until(lambda host: host["position"] is not None and host["in_air"] is not None)
         self._begin(f"ordering take-off to {TAKE_OFF_M:.0f} m")
         await self._post("/api/v1/hosts/take-off", {"altitude_m": TAKE_OFF_M})
         await self._until(lambda host: host["available"] and host["position_enu_m"][2] > TAKE_OFF_M - 2.0)
-        self._begin(f"reporting {len(self._truth.threats)} threats, sigma {REPORT_SIGMA_M:.0f} m")
+
+    async def planner_ready(self) -> None:
+        """Wait until the service can plan."""
+        self._begin("waiting for the planner (compiled the first time on a machine, which can take half a minute)")
+        while not (await self._client.get("/api/v1/health")).raise_for_status().json()["planning"]["ready"]:
+            await asyncio.sleep(1 / POLLS_PER_S)
+
+    async def localize(self, truth: Truth) -> None:
+        """Report threats, approve plans, and wait until all hosts see."""
+        self.truth = truth
+        self._begin(f"reporting {len(truth.threats)} threats, sigma {REPORT_SIGMA_M:.0f} m")
         async with asyncio.TaskGroup() as tasks:
             helpers = [tasks.create_task(work) for work in (self._report(), self._approve(), self._score())]
             await self._settled()
@@ -224,7 +228,7 @@ class _DemoConsole:
             ordered = [host for host in hosts if host["order"] is not None]
             there = bool(ordered) and all(host["order"]["status"] == "on station" for host in ordered)
             covered = {view["threat"] for host in ordered for view in host["order"]["views"]}
-            if not there or covered != {threat.id for threat in self._truth.threats}:
+            if not there or covered != {threat.id for threat in self.truth.threats}:
                 since = None
             elif since is None:
                 since = time.monotonic()
@@ -243,7 +247,7 @@ class _DemoConsole:
         while True:
             now_s = time.time()
             reports = []
-            for state in self._truth.at(now_s - (self._truth.epoch_s or 0.0)):
+            for state in self.truth.at(now_s - (self.truth.epoch_s or 0.0)):
                 seen = np.array(state.position_m) + self._rng.normal(scale=REPORT_SIGMA_M, size=3)
                 self._report_errors.append(math.dist(seen, state.position_m))
                 reports.append(_report_of(state.id, frame.to_geodetic(seen), now_s))
@@ -259,7 +263,7 @@ class _DemoConsole:
         while True:
             plans = (await self._client.get("/api/v1/plan")).raise_for_status().json()
             proposed, failed = plans["proposed"], plans["failed"]
-            if proposed is not None and len(proposed["placement"]["pairs"]) == len(self._truth.threats):
+            if proposed is not None and len(proposed["placement"]["pairs"]) == len(self.truth.threats):
                 self._begin(
                     f"approving plan {proposed['id']}: {len(proposed['orders'])} hosts,"
                     f" cost {proposed['placement']['cost']:.4f}, because {proposed['trigger']}"
@@ -281,8 +285,8 @@ class _DemoConsole:
             fixes = (await self._client.get("/api/v1/health")).raise_for_status().json()["detections"]["fixes"]
             errors = []
             for threat in threats:
-                at_s = datetime.fromisoformat(threat["time"]).timestamp() - (self._truth.epoch_s or 0.0)
-                true = {state.id: state.position_m for state in self._truth.at(at_s)}.get(threat["id"])
+                at_s = datetime.fromisoformat(threat["time"]).timestamp() - (self.truth.epoch_s or 0.0)
+                true = {state.id: state.position_m for state in self.truth.at(at_s)}.get(threat["id"])
                 if true is not None:
                     believed = frame.to_enu(GeodeticPoint(**threat["position"]))
                     errors.append(math.dist(believed, true))
@@ -323,18 +327,19 @@ def _utc(time_s: float) -> str:
 
 
 @asynccontextmanager
-async def _simulated_fleet(autopilot: str, port: int, truth: Path, service: str) -> AsyncIterator[None]:
-    """Run ``hsop-gcs simulate`` as a process that ends when our end of its stdin does."""
+async def _simulated_fleet(autopilot: str, port: int, service: str) -> AsyncIterator[Callable[[Any], None]]:
+    """Run ``hsop-gcs simulate`` as a process that ends when its stdin does; yields what shows it a truth."""
     origin = f"{ORIGIN.lat_deg},{ORIGIN.lon_deg},{ORIGIN.altitude_amsl_m}"
     command = [sys.executable, "-m", "hsop_gcs", "simulate", "--vehicles", str(HOSTS), "--autopilot", autopilot]
     command += ["--origin", origin, "--spacing-m", str(SPACING_M), "--target", f"127.0.0.1:{port}", "--shared-port"]
-    command += ["--local-port", "0", "--exit-with-stdin", "--truth", str(truth), "--detections-to", service]
-    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
+    command += ["--local-port", "0", "--exit-with-stdin", "--truth", "-", "--detections-to", service]
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, bufsize=1)
+    stdin = process.stdin
+    assert stdin is not None
     try:
-        yield
+        yield lambda truth: print(json.dumps(truth), file=stdin)
     finally:
-        assert process.stdin is not None
-        process.stdin.close()
+        stdin.close()
         try:
             process.wait(timeout=3)
         except subprocess.TimeoutExpired:

@@ -11,6 +11,8 @@ from hsop_gcs.errors import BadInput
 from hsop_gcs.simulator.faults import FORM, MEANING, parse_fault
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from hsop_gcs.geometry.frames import GeodeticPoint
     from hsop_gcs.simulator.fleet import SimulatedFleet
     from hsop_gcs.simulator.lookout import Lookout
@@ -62,7 +64,11 @@ def register(app: typer.Typer) -> None:
         fault: Annotated[list[str] | None, typer.Option(help=_FAULT_HELP)] = None,
         seed: Annotated[int, typer.Option(help="Of gusts, noise, wandering, losses and the noise on images.")] = 0,
         truth: Annotated[
-            Path | None, typer.Option(help="True threats (JSON) for the vehicles' cameras to see; see --detections-to.")
+            str | None,
+            typer.Option(
+                help="File with the true threats (JSON) for the vehicles' cameras to see; -: a line of it on standard"
+                " input, whenever it comes. See --detections-to."
+            ),
         ] = None,
         detections_to: Annotated[
             str | None, typer.Option(help="Service to post detections to, such as http://127.0.0.1:8080.")
@@ -161,9 +167,9 @@ def register(app: typer.Typer) -> None:
             from hsop_gcs.geometry.frames import LocalFrame
             from hsop_gcs.settings import read_settings
             from hsop_gcs.simulator.lookout import Lookout, LookoutConfig
-            from hsop_gcs.simulator.truth import read_truth
+            from hsop_gcs.simulator.truth import read_truth, truth_from_text
 
-            chosen = LookoutConfig(
+            config_of_eyes = LookoutConfig(
                 service=_service(detections_to),
                 host_ids=host_id or [f"h{number}" for number in range(1, vehicles + 1)],
                 rigs={} if fleet_config is None else read_settings(fleet_config).to_fleet().rigs(),
@@ -172,14 +178,24 @@ def register(app: typer.Typer) -> None:
                 give_up_s=detection_latency_ms * 1e-3 + 2.0,
                 seed=seed,
             )
-            lookout = Lookout(fleet, read_truth(truth, home), LocalFrame(home), chosen, clock=time.time)
-        asyncio.run(_run(fleet, lookout, exit_with_stdin=exit_with_stdin))
+            in_file = None if truth == "-" else read_truth(Path(truth), home)
+
+            def lookout(line: str) -> Lookout:
+                seen = in_file or truth_from_text(line, home)
+                return Lookout(fleet, seen, LocalFrame(home), config_of_eyes, clock=time.time)
+
+        asyncio.run(_run(fleet, lookout, truth_on_stdin=truth == "-", exit_with_stdin=exit_with_stdin))
 
 
-async def _run(fleet: "SimulatedFleet", lookout: "Lookout | None", *, exit_with_stdin: bool) -> None:
+async def _run(
+    fleet: "SimulatedFleet",
+    lookout_of: "Callable[[str], Lookout] | None",
+    *,
+    truth_on_stdin: bool,
+    exit_with_stdin: bool,
+) -> None:
     """Fly until a signal, or the end of standard input if asked for, or a fault."""
     import asyncio
-    import os
     import signal
     import threading
     from datetime import UTC, datetime
@@ -188,22 +204,34 @@ async def _run(fleet: "SimulatedFleet", lookout: "Lookout | None", *, exit_with_
     stop = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)
+    lines: asyncio.Queue[str] = asyncio.Queue()
+    lookout: Lookout | None = None
 
-    def wait_for_stdin() -> None:
-        while os.read(0, 4096):
-            pass
-        loop.call_soon_threadsafe(stop.set)
+    def read_stdin() -> None:
+        # Unbuffered: a buffer's lock, held by a thread that waits for input, would abort the interpreter's exit.
+        with open(0, "rb", buffering=0, closefd=False) as stdin:
+            for line in stdin:
+                loop.call_soon_threadsafe(lines.put_nowait, line.decode(errors="replace"))
+        if truth_on_stdin:
+            loop.call_soon_threadsafe(lines.put_nowait, "")
+        if exit_with_stdin:
+            loop.call_soon_threadsafe(stop.set)
+
+    async def look(lookout_of: "Callable[[str], Lookout]") -> None:
+        nonlocal lookout
+        lookout = lookout_of(await lines.get() if truth_on_stdin else "")
+        typer.echo(f"truth: from {datetime.fromtimestamp(lookout.epoch_s, UTC).isoformat()}")
+        await lookout.run()
 
     await fleet.start()
     try:
-        if exit_with_stdin:
-            threading.Thread(target=wait_for_stdin, daemon=True).start()
+        if truth_on_stdin or exit_with_stdin:
+            threading.Thread(target=read_stdin, daemon=True).start()
         for vehicle, local, target in zip(fleet.vehicles, fleet.local_addresses, fleet.targets, strict=True):
             typer.echo(f"system {vehicle.config.system}: {local[0]}:{local[1]} -> {target[0]}:{target[1]}")
         waiting = {asyncio.create_task(stop.wait()), asyncio.create_task(fleet.failed())}
-        if lookout is not None:
-            typer.echo(f"truth: from {datetime.fromtimestamp(lookout.epoch_s, UTC).isoformat()}")
-            waiting.add(asyncio.create_task(lookout.run()))
+        if lookout_of is not None:
+            waiting.add(asyncio.create_task(look(lookout_of)))
         done, pending = await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
         for task in pending:
             task.cancel()

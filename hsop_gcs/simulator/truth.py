@@ -98,11 +98,18 @@ class Truth:
 def read_truth(path: Path, origin: GeodeticPoint) -> Truth:
     """Read a truth file. Raises BadInput that names the field and the value of the first fault."""
     try:
-        given = json.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput("--truth", f"cannot read {str(path)!r}: {error}") from None
+    return truth_from_text(text, origin, source=repr(str(path)))
+
+
+def truth_from_text(text: str, origin: GeodeticPoint, *, source: str = "standard input") -> Truth:
+    """Return the truth that a JSON text describes. Raises BadInput that names the field and the value."""
+    try:
+        given = json.loads(text)
     except (json.JSONDecodeError, RecursionError) as error:
-        raise BadInput("--truth", f"{str(path)!r} is not JSON: {error}") from None
+        raise BadInput("--truth", f"{source} is not JSON: {error}") from None
     return truth_from_json(given, origin)
 
 

@@ -57,6 +57,32 @@ def test_latitude_and_longitude_zero_are_unknown() -> None:
     assert telemetry.state.home is None
 
 
+def dated(times: list[tuple[float, float]]) -> list[float]:
+    """When attitudes were sent as the telemetry has it, from the vehicle's clock and the arrival of each, seconds."""
+    telemetry, heard = Telemetry(1), []
+    for sent_s, arrived_s in times:
+        telemetry.receive(Attitude(time_boot_ms=round(sent_s * 1e3)), arrived_s)
+        assert telemetry.state.attitude_heard_s is not None
+        heard.append(telemetry.state.attitude_heard_s)
+    return heard
+
+
+def test_a_message_that_waited_is_dated_by_the_vehicle_s_clock() -> None:
+    arrivals = [(10.0, 110.1), (10.5, 110.5), (11.0, 111.9), (11.5, 111.9), (12.0, 112.0)]
+    assert dated(arrivals) == pytest.approx([110.1, 110.5, 111.0, 111.5, 112.0])
+
+
+def test_a_vehicle_whose_clock_runs_slow_stays_fresh() -> None:
+    """As a simulated one's does that is short of processor time."""
+    arrivals = [(0.1 * n * 0.7, 100 + 0.1 * n) for n in range(1, 400)]
+    ages_s = [arrived_s - heard_s for (_, arrived_s), heard_s in zip(arrivals, dated(arrivals), strict=True)]
+    assert max(ages_s) < 0.7
+
+
+def test_a_vehicle_that_restarts_is_dated_by_its_new_clock() -> None:
+    assert dated([(500.0, 100.0), (500.5, 100.5), (2.0, 110.0), (2.5, 110.5)])[2:] == [110.0, 110.5]
+
+
 def test_integers_of_the_wire_become_degrees_metres_and_east_north_up() -> None:
     telemetry = Telemetry(1)
     telemetry.receive(

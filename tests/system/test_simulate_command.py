@@ -57,3 +57,15 @@ def test_a_signal_ends_it_cleanly(number: signal.Signals) -> None:
 def test_it_ends_when_its_parent_closes_standard_input() -> None:
     with simulator("--autopilot", "ardupilot", vehicles=2) as running:
         assert sorted(running.ports) == [1, 2]
+
+
+def test_true_threats_may_come_on_standard_input_and_nonsense_there_is_named() -> None:
+    options = ["--local-port", "0", "--truth", "-", "--detections-to", "http://127.0.0.1:9"]
+    with subprocess.Popen(
+        [*COMMAND, *options], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline().startswith("system 1: ")
+        _, complaint = process.communicate('{"threats": []}\n', timeout=START_TIMEOUT_S)
+        assert (process.returncode, complaint.count("\n")) == (2, 1)
+        assert complaint.startswith("hsop-gcs: threats: ")

@@ -5,6 +5,7 @@ The machine has no states of its own: every message makes the next ``VehicleStat
 """
 
 import math
+from collections import deque
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -35,8 +36,8 @@ _TEXTS_KEPT = 5
 _UNKNOWN_U16 = 65535
 _CLOCK_SET_S = 5.0
 """No message is this late: the vehicle's clock was set, or it restarted."""
-_CLOCK_DRIFT = 1e-4
-"""How fast a vehicle's clock may run against ours, seconds a second."""
+_CLOCK_WINDOW_S = 2.0
+"""How long a message counts as the one with the shortest way: a simulator short of processor time runs slow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,8 +99,8 @@ class Telemetry:
         self.adapter: Adapter | None = None
         self._events: list[Event] = []
         self._part: tuple[float, StatusText] | None = None
-        self._boot_offset_s: float | None = None
-        self._boot_s = 0.0
+        self._clock_offsets: deque[tuple[float, float]] = deque()
+        """When a message arrived, and by how much our clock was ahead: both rising, so that the first is least."""
 
     @property
     def wake_at(self) -> float | None:
@@ -133,20 +134,24 @@ class Telemetry:
             self.state = self.state.evolve(link_up=up, last_heard_s=heard_s)
 
     def _stamp(self, time_boot_ms: int, now: float) -> float:
-        """Return when the vehicle sent this, on our clock: by its own clock, less the shortest way a message has had.
+        """Return when the vehicle sent this, on our clock: by its own clock and the shortest way of late.
 
         What waited on the link or in our own queue is older than its arrival says. A vehicle without a clock, or with
         one that was set back, is taken at its arrival.
         """
-        boot_s = time_boot_ms * 1e-3
-        offset_s = now - boot_s
         if time_boot_ms == 0:
             return now
-        if self._boot_offset_s is None or abs(offset_s - self._boot_offset_s) > _CLOCK_SET_S:
-            self._boot_offset_s = offset_s
-        self._boot_offset_s = min(offset_s, self._boot_offset_s + _CLOCK_DRIFT * max(boot_s - self._boot_s, 0.0))
-        self._boot_s = boot_s
-        return boot_s + self._boot_offset_s
+        boot_s = time_boot_ms * 1e-3
+        offset_s = now - boot_s
+        offsets = self._clock_offsets
+        if offsets and offset_s > offsets[0][1] + _CLOCK_SET_S:
+            offsets.clear()
+        while offsets and offsets[-1][1] >= offset_s:
+            offsets.pop()
+        offsets.append((now, offset_s))
+        while offsets[0][0] < now - _CLOCK_WINDOW_S:
+            offsets.popleft()
+        return boot_s + offsets[0][1]
 
     def _autopilot(self, message: Message, now: float) -> None:
         match message:
