@@ -16,7 +16,10 @@ from hsop_gcs.api.placements import WhatIf
 from hsop_gcs.errors import Unavailable
 from hsop_gcs.geometry import triangulation
 from hsop_gcs.journal import Journal
+from hsop_gcs.link.codec import message_ids
+from hsop_gcs.link.key_files import TimestampFile, read_key
 from hsop_gcs.link.pump import Link
+from hsop_gcs.link.signing import Signing, SigningClock
 from hsop_gcs.link.tlog import TlogWriter, create_tlog
 from hsop_gcs.mission.controller import Mission
 from hsop_gcs.mission.records import recover
@@ -52,6 +55,7 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
                 sorted(set(connections.values())),
                 connections,
                 connections=connections,
+                signing=_signing(settings),
                 on_frame=_recorder(tlog),
                 watchdog_s=_WATCHDOG_S,
             )
@@ -73,6 +77,26 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
         finally:
             runner.cancel()
             await asyncio.gather(runner, return_exceptions=True)
+
+
+def _signing(settings: Settings) -> dict[str, Signing]:
+    """Return how each signed connection signs. Raises Unavailable if timestamps could not be kept over a restart."""
+    files, wanted = settings.key_files(), settings.signing
+    if not files:
+        return {}
+    kept = wanted.timestamp_file or f"{next(iter(files.values()))}.timestamp"
+    store = TimestampFile(Path(kept))
+    clock = SigningClock(time.time, saved=store.load(), save=store.save)
+    clock.next()
+    if clock.problem is not None:
+        raise Unavailable(f"{clock.problem}: {kept}")
+    allowed = message_ids(wanted.allow_unsigned)
+    return {
+        connection: Signing(
+            read_key(file), clock=clock, link_id=(wanted.link_id + number) % 256, allow_unsigned=allowed
+        )
+        for number, (connection, file) in enumerate(files.items())
+    }
 
 
 def _recorder(tlog: TlogWriter | None) -> Callable[[bytes], None] | None:

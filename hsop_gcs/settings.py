@@ -29,7 +29,9 @@ from hsop_gcs.cameras.rig import CameraRig
 from hsop_gcs.errors import BadInput
 from hsop_gcs.fleet import Fleet, FlightLimits, Host
 from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
+from hsop_gcs.link.codec import message_ids
 from hsop_gcs.link.endpoint import parse_endpoint
+from hsop_gcs.link.key_files import read_key
 from hsop_gcs.mission.core import Rules
 from hsop_gcs.mission.pipeline import PlanningRules, TargetError
 from hsop_gcs.mission.state import Autonomy, ReplanRules
@@ -257,12 +259,41 @@ def _connection(text: str) -> str:
         raise ValueError(error.problem) from error
 
 
+def _key_file(name: str, info: ValidationInfo) -> str:
+    path: Path = (info.context or Path()) / name
+    try:
+        read_key(path)
+    except BadInput as error:
+        raise ValueError(error.problem) from error
+    return str(path)
+
+
+def _messages(names: tuple[str, ...]) -> tuple[str, ...]:
+    message_ids(names)
+    return names
+
+
+KeyFile = Annotated[str, AfterValidator(_key_file)]
+
+
+class SigningSection(_Section):
+    key_file: KeyFile | None = None
+    """32 bytes or 64 hex digits, readable by its owner only; hosts may have keys of their own. None: no signing."""
+    link_id: Annotated[int, Field(ge=0, le=255)] = 0
+    """Of the first endpoint, the others count up: two ground stations of one id must not share them."""
+    allow_unsigned: Annotated[tuple[str, ...], AfterValidator(_messages)] = ("RADIO_STATUS",)
+    timestamp_file: Annotated[str, Field(min_length=1)] | None = None
+    """Where the newest timestamp is kept. None: beside the key."""
+
+
 class HostSection(_Section):
     id: Annotated[str, Field(min_length=1, max_length=64)]
     system_id: Annotated[int, Field(ge=1, le=250)]
     connection: Annotated[str, AfterValidator(_connection)]
     rig: str | None = None
     """Names one of ``[rigs.NAME]``; None: ``[rig]``."""
+    key_file: KeyFile | None = None
+    """Instead of signing.key_file."""
 
 
 class Settings(_Section):
@@ -275,6 +306,7 @@ class Settings(_Section):
     limits: LimitsSection = LimitsSection()
     rig: RigSection = RigSection()
     rigs: dict[str, RigSection] = {}
+    signing: SigningSection = SigningSection()
     fence: FenceSection | None = None
     keep_out: tuple[KeepOutSection, ...] = ()
     hosts: Annotated[tuple[HostSection, ...], Field(min_length=1)]
@@ -309,6 +341,19 @@ class Settings(_Section):
                     raise ValueError(f"{name}: has a corner {away_deg:.1f}° from site.origin")
         return self
 
+    @model_validator(mode="after")
+    def _one_key_per_connection(self) -> Self:
+        keys: dict[str, str | None] = {}
+        for host in self.hosts:
+            if keys.setdefault(host.connection, host.key_file) != host.key_file:
+                raise ValueError(f"hosts: those behind {host.connection} must have the same key_file")
+        return self
+
+    def key_files(self) -> dict[str, Path]:
+        """Return the signing key of every connection that has one."""
+        files = {host.connection: host.key_file or self.signing.key_file for host in self.hosts}
+        return {connection: Path(file) for connection, file in sorted(files.items()) if file is not None}
+
     def to_site(self) -> Site:
         origin = GeodeticPoint(**self.site.origin.model_dump())
         return Site(frame=LocalFrame(origin), geoid_separation_m=self.site.geoid_separation_m)
@@ -320,7 +365,9 @@ class Settings(_Section):
             own = section.to_rig(common)
             rigs[name] = None if own == common else own
         return Fleet(
-            hosts=tuple(Host(**host.model_dump(exclude={"rig"}), rig=rigs[host.rig]) for host in self.hosts),
+            hosts=tuple(
+                Host(**host.model_dump(exclude={"rig", "key_file"}), rig=rigs[host.rig]) for host in self.hosts
+            ),
             limits=FlightLimits(**self.limits.model_dump()),
             rig=common,
         )

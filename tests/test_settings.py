@@ -225,3 +225,42 @@ def test_a_rig_that_no_host_can_carry_is_a_fault(tmp_path: Path, change: tuple[s
     path.write_text(GOOD + more + RIGS.replace(*change))
     with pytest.raises(BadInput, match=message):
         read_settings(path)
+
+
+def key_file(path: Path, mode: int = 0o600) -> Path:
+    path.write_text("ab" * 32)
+    path.chmod(mode)
+    return path
+
+
+def test_signing_keys_belong_to_the_fleet_or_to_hosts_and_lie_beside_the_fleet_file(tmp_path: Path) -> None:
+    fleet, own = key_file(tmp_path / "fleet.key"), key_file(tmp_path / "h2.key")
+    path = tmp_path / "FLEET.toml"
+    path.write_text(GOOD + 'key_file = "h2.key"\n[signing]\nkey_file = "fleet.key"\n')
+    assert read_settings(path).key_files() == {"udpin:127.0.0.1:14541": fleet, "udpout:127.0.0.1:14582": own}
+    path.write_text(GOOD)
+    assert read_settings(path).key_files() == {}
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (
+            '[signing]\nkey_file = "open.key"',
+            r"signing\.key_file: '.*open\.key' is open to others \(mode 0640\): chmod 600",
+        ),
+        ('[signing]\nkey_file = "none.key"', r"signing\.key_file: cannot read '.*none\.key'"),
+        ('key_file = "open.key"', r"hosts\.1\.key_file: .* is open to others"),
+        ('[signing]\nallow_unsigned = ["NOTHING"]', r"signing\.allow_unsigned: 'NOTHING' is no MAVLink message"),
+        ("[signing]\nlink_id = 256", r"signing\.link_id: .*256"),
+        (
+            'key_file = "own.key"\n[[hosts]]\nid = "h3"\nsystem_id = 3\nconnection = "udpout:127.0.0.1:14582"',
+            "hosts: those behind udpout:127.0.0.1:14582 must have the same key_file",
+        ),
+    ],
+)
+def test_faults_of_signing_name_the_field(tmp_path: Path, more: str, message: str) -> None:
+    key_file(tmp_path / "open.key", 0o640)
+    key_file(tmp_path / "own.key")
+    with pytest.raises(BadInput, match=message):
+        read(tmp_path, GOOD + more)

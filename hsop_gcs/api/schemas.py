@@ -161,6 +161,8 @@ class HostLinkOut(BaseModel):
     """From its address; shared by hosts behind one radio."""
     refused: int
     """Frames from other addresses."""
+    signature_refused: dict[str, int]
+    """Frames that were not believed, by what was wrong; only over signed links."""
     round_trip_ms: float | None
     """To the autopilot and back, median of the newest five."""
     commands_resent: int
@@ -308,6 +310,7 @@ class LinkHealth(BaseModel):
     lost: int
     not_in_fleet: int
     refused: int
+    signature_refused: dict[str, int]
     peers_turned_away: int
     dropped_datagrams: int
     send_errors: int

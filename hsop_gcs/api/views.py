@@ -122,9 +122,12 @@ def health_out(mission: Mission, started_at_s: float) -> HealthOut:
         problems.append("link: the pump has stopped")
     problems += [f"link: {problem}" for problem in mission.link.problems]
     for host in mission.fleet.hosts:
-        claimants = mission.link.vehicle_link(host.system_id).claimants
-        if claimants:
-            problems.append(f"host {host.id}: refused at {', '.join(claimants)}, where it is not registered")
+        link = mission.link.vehicle_link(host.system_id)
+        if link.claimants:
+            problems.append(f"host {host.id}: refused at {', '.join(link.claimants)}, where it is not registered")
+        if link.signature_refused and not mission.vehicle(host).state.link_up:
+            refused = ", ".join(f"{count} {what}" for what, count in link.signature_refused.items())
+            problems.append(f"host {host.id}: frames refused by signature: {refused}")
     if mission.journal_fault is not None:
         problems.append(f"journal: {mission.journal_fault}")
     if mission.tlog is not None and mission.tlog.fault is not None:
@@ -196,6 +199,7 @@ def _host_link(link: VehicleLink) -> HostLinkOut:
         loss=link.loss,
         bad_frames=link.bad_frames,
         refused=link.refused,
+        signature_refused=link.signature_refused,
         round_trip_ms=None if link.round_trip_s is None else 1e3 * link.round_trip_s,
         commands_resent=link.commands_resent,
         command_noise=link.command_noise,

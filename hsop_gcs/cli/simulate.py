@@ -62,6 +62,9 @@ def register(app: typer.Typer) -> None:
         endurance_min: Annotated[float, typer.Option(help="Flight time on a full battery.")] = 25.0,
         gimbal_rate_dps: Annotated[float, typer.Option(help="How fast a gimbal turns, degrees a second.")] = 120.0,
         fault: Annotated[list[str] | None, typer.Option(help=_FAULT_HELP)] = None,
+        signing_key: Annotated[
+            Path | None, typer.Option(help="Key file: vehicles sign, and believe only what is signed.")
+        ] = None,
         seed: Annotated[int, typer.Option(help="Of gusts, noise, wandering, losses and the noise on images.")] = 0,
         truth: Annotated[
             str | None,
@@ -95,6 +98,7 @@ def register(app: typer.Typer) -> None:
         import asyncio
         import time
 
+        from hsop_gcs.link.key_files import read_key
         from hsop_gcs.simulator.battery import BatteryConfig
         from hsop_gcs.simulator.channel import Impairment
         from hsop_gcs.simulator.disturbances import GpsError, Wind
@@ -158,6 +162,7 @@ def register(app: typer.Typer) -> None:
                 delay_s=delay_ms * 1e-3,
                 jitter_s=jitter_ms * 1e-3,
             ),
+            signing_key=None if signing_key is None else read_key(signing_key),
             seed=seed,
             speed=speed,
         )

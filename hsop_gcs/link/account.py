@@ -1,6 +1,6 @@
 """What is kept account of on a link, so that nothing is lost in silence."""
 
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass
 
 from hsop_gcs.link.endpoint import Peer
@@ -23,6 +23,8 @@ class LinkCounters:
     not_in_fleet: int
     refused: int
     """Frames that carried a vehicle's id but came from another address than the one it is registered with."""
+    signature_refused: dict[str, int]
+    """Frames over signed links that were not believed, by what was wrong."""
     peers_turned_away: int
     """Datagrams from addresses beyond the number of peers we keep account of."""
 
@@ -56,6 +58,7 @@ class VehicleLink:
     bad_frames: int
     """From its address: shared by vehicles behind one radio."""
     refused: int
+    signature_refused: dict[str, int]
     round_trip_s: float | None
     commands_resent: int
     command_noise: int
@@ -70,6 +73,7 @@ class Account:
         self.received = 0
         self.lost = 0
         self.refused = 0
+        self.signature_refused: Counter[str] = Counter()
         self._seconds: deque[tuple[int, int, int]] = deque(maxlen=_WINDOW_S + 1)
 
     def take(self, lost: int, now: float) -> None:

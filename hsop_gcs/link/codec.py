@@ -8,6 +8,7 @@ for all shared ids).
 """
 
 import struct
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, fields
 from functools import partial
 from itertools import accumulate
@@ -69,8 +70,8 @@ def _text_at(index: int, values: tuple[Any, ...]) -> str:
     return text.split(b"\0", 1)[0].decode(errors="replace")
 
 
-_FORMS = {message_id: _form(cls) for message_id, cls in _CLASSES.items() if message_id >= 0}
-_CRC_EXTRA = {message_id: bytes([wire.crc_extra]) for message_id, wire in dialect.mavlink_map.items()}
+_FORMS = {number: _form(cls) for number, cls in _CLASSES.items() if number >= 0}
+_CRC_EXTRA = {number: bytes([wire.crc_extra]) for number, wire in dialect.mavlink_map.items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,8 +90,10 @@ class Frame:
 class Encoder:
     """Turns messages into MAVLink 2 frames of one sender and counts their sequence numbers."""
 
-    def __init__(self, *, system: int, component: int) -> None:
+    def __init__(self, *, system: int, component: int, sign: Callable[[bytes], bytes] | None = None) -> None:
+        """sign: given a whole frame whose header says that it is signed, returns it with its signature."""
         self._mav = dialect.MAVLink(None, srcSystem=system, srcComponent=component)
+        self._sign = sign
 
     def encode(self, message: Message) -> bytes:
         """Return the frame. Raises ValueError naming the message if a field does not fit its wire type."""
@@ -107,7 +110,7 @@ class Encoder:
         except (TypeError, ValueError, OverflowError, dialect.struct.error) as error:
             raise ValueError(f"{message.NAME} cannot be encoded: {error}: {message}") from error
         self._mav.seq = (self._mav.seq + 1) % 256
-        return frame
+        return frame if self._sign is None else self._sign(_marked_signed(frame, message.ID))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -182,13 +185,13 @@ class Decoder:
             return None
         start = 10 if version_2 else 6
         end = start + raw[1]
-        message_id = int.from_bytes(raw[7:10], "little") if version_2 else raw[5]
-        crc_extra = _CRC_EXTRA.get(message_id)
+        number = message_id(raw)
+        crc_extra = _CRC_EXTRA.get(number)
         verified = crc_extra is not None
         if crc_extra is not None and dialect.x25crc(raw[1:end] + crc_extra).crc != raw[end] | raw[end + 1] << 8:
             return None
-        form = _FORMS.get(message_id)
-        message = Unknown(message_id=message_id) if form is None else form.read(raw[start:end])
+        form = _FORMS.get(number)
+        message = Unknown(message_id=number) if form is None else form.read(raw[start:end])
         system, component, sequence = (raw[5], raw[6], raw[4]) if version_2 else (raw[3], raw[4], raw[2])
         return Frame(message=message, system=system, component=component, sequence=sequence, raw=raw, verified=verified)
 
@@ -206,6 +209,32 @@ class Decoder:
                     if frame is not None and frame.verified:
                         return True
         return False
+
+
+def message_id(frame: bytes) -> int:
+    """Return the id of a frame's message."""
+    return int.from_bytes(frame[7:10], "little") if frame[0] == STX_V2 else frame[5]
+
+
+def message_ids(names: Collection[str]) -> frozenset[int]:
+    """Return the ids of messages by their MAVLink names. Raises ValueError naming one that is none."""
+    ids = {cls.msgname: number for number, cls in dialect.mavlink_map.items()}
+    for name in names:
+        if name not in ids:
+            raise ValueError(f"{name!r} is no MAVLink message")
+    return frozenset(ids[name] for name in names)
+
+
+def is_signed(frame: bytes) -> bool:
+    """Whether a frame says that a signature is behind it."""
+    return frame[0] == STX_V2 and bool(frame[2] & _SIGNED)
+
+
+def _marked_signed(frame: bytes, number: int) -> bytes:
+    """Return an unsigned frame with the header of a signed one, and the checksum that goes with it."""
+    body = bytes([frame[1], frame[2] | _SIGNED]) + frame[3:-2]
+    checksum: int = dialect.x25crc(body + _CRC_EXTRA[number]).crc
+    return frame[:1] + body + checksum.to_bytes(2, "little")
 
 
 def _frame_length(data: bytes, at: int) -> int | None:

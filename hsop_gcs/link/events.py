@@ -1,6 +1,7 @@
 """What a vehicle's link tells the layers above: facts and outcomes, as values."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 from hsop_gcs.geometry.frames import Aim
 
@@ -37,10 +38,11 @@ class AddressRefused(Event):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AddressRegistered(Event):
-    """The vehicle has another address from now on."""
+    """The vehicle has another address from now on: an operator said so, or its signature did."""
 
     address: str
     before: str | None
+    by: Literal["operator", "signature"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

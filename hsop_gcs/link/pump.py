@@ -18,6 +18,7 @@ from hsop_gcs.link.events import Event
 from hsop_gcs.link.identity import GROUND_STATION, Identity
 from hsop_gcs.link.protocol.hover import HoverOrder
 from hsop_gcs.link.router import Router
+from hsop_gcs.link.signing import Signing
 from hsop_gcs.link.transports import transport_for
 from hsop_gcs.link.vehicle import Vehicle, VehicleLimits
 
@@ -32,6 +33,7 @@ class Link:
     ids of the fleet. clock: seconds, monotonic; by default the event loop's. on_event: called from the pump for every
     event; without it they are put on ``events``. on_frame: called with every raw frame received and sent.
     connections: over which of the endpoints a system must be heard first; one left out may be heard over any.
+    signing: of the endpoints over which everything is signed.
     watchdog_s: our heartbeat stops when ``keep_alive`` is not called for so long; None: it stands for the pump alone.
     Raises BadInput for an endpoint or id that is none.
     """
@@ -47,6 +49,7 @@ class Link:
         on_event: Callable[[Event], None] | None = None,
         on_frame: Callable[[bytes], None] | None = None,
         connections: Mapping[int, str] | None = None,
+        signing: Mapping[str, Signing] | None = None,
         watchdog_s: float | None = None,
     ) -> None:
         ids = list(systems)
@@ -62,8 +65,15 @@ class Link:
         streams = {number for number, each in enumerate(self._transports) if each.endpoint.is_stream}
         numbers = {each.endpoint: number for number, each in enumerate(self._transports)}
         transport_of = {system: numbers[parse_endpoint(text)] for system, text in (connections or {}).items()}
+        self._signing = {numbers[parse_endpoint(text)]: each for text, each in (signing or {}).items()}
         self._router = Router(
-            ids, own=own, limits=limits, streams=streams, transport_of=transport_of, watchdog_s=watchdog_s
+            ids,
+            own=own,
+            limits=limits,
+            streams=streams,
+            transport_of=transport_of,
+            signing=self._signing,
+            watchdog_s=watchdog_s,
         )
         self._clock = clock
         self._on_event = on_event or self.events.put_nowait
@@ -146,6 +156,7 @@ class Link:
         down = [f"{each.endpoint}: {each.problem}" for each in self._transports if each.problem is not None]
         if self._router.heartbeat.withheld:
             down.append("heartbeat withheld: the mission does not move")
+        down += {each.problem for each in self._signing.values() if each.problem is not None}
         return tuple(down)
 
     @property

@@ -7,25 +7,31 @@ that its first heartbeat came from, and stays so, whether its link is lost or no
                                                                   └──frame of the same id from another address:────┘
                                                                      refused, counted, told
 
+A signed heartbeat from another address registers it when the link is lost: the key says more than an address does.
+
 Without I/O, like the machines below it: a recording can be played through it with any clock.
 """
 
 import math
+from collections import Counter
 from collections.abc import Container, Iterable, Mapping
 
 from hsop_gcs.errors import BadInput
 from hsop_gcs.link.account import Account, LinkCounters, Stranger, VehicleLink
-from hsop_gcs.link.codec import Decoder, DecoderCounters, Encoder, Frame
+from hsop_gcs.link.codec import Decoder, DecoderCounters, Encoder, Frame, is_signed
 from hsop_gcs.link.endpoint import Peer
 from hsop_gcs.link.enums import MavComponent
 from hsop_gcs.link.events import AddressRefused, AddressRegistered, Event
 from hsop_gcs.link.identity import GROUND_STATION, Identity
 from hsop_gcs.link.messages import Heartbeat, Message
 from hsop_gcs.link.protocol.heartbeat import OwnHeartbeat
+from hsop_gcs.link.signing import Signing, Verdict
 from hsop_gcs.link.vehicle import Vehicle, VehicleLimits
 
 _MOST_PEERS = 256
 _MOST_STRANGERS = 64
+_MOST_GREETED = 16
+_GREETED_FOR_S = 3.0
 _REORDERED = 200
 """A sequence number that seems to leap further than this is an old frame that came late, or a copy."""
 
@@ -41,17 +47,21 @@ class Router:
         limits: VehicleLimits | None = None,
         streams: Container[int] = (),
         transport_of: Mapping[int, int] | None = None,
+        signing: Mapping[int, Signing] | None = None,
         watchdog_s: float | None = None,
     ) -> None:
         """streams: which transports carry bytes without the bounds of datagrams. transport_of: where a system must
-        be heard first; one that is left out may be heard anywhere. watchdog_s: see ``OwnHeartbeat``.
+        be heard first; one that is left out may be heard anywhere. signing: of the transports that are signed.
+        watchdog_s: see ``OwnHeartbeat``.
         """
         self.own = own
         self._streams = streams
         self._transport_of = transport_of or {}
+        self._signing = signing or {}
         self.vehicles = {system: Vehicle(system, own=own, limits=limits) for system in systems}
         self.heartbeat = OwnHeartbeat(watchdog_s=watchdog_s)
         self._always: list[Peer] = []
+        self._greeted_until_s: dict[Peer, float] = {}
         self._decoders: dict[Peer, Decoder] = {}
         self._encoders: dict[Peer, Encoder] = {}
         self._sequences: dict[tuple[Peer, int, int], int] = {}
@@ -63,6 +73,7 @@ class Router:
         self._events: list[Event] = []
         self._strangers: dict[tuple[int, int], Stranger] = {}
         self._forgotten = DecoderCounters()
+        self._signature_refused: Counter[str] = Counter()
         self._sent = self._lost = self._not_in_fleet = self._turned_away = 0
 
     def greet(self, peer: Peer) -> None:
@@ -70,7 +81,7 @@ class Router:
         self._always.append(peer)
 
     def receive(self, data: bytes, peer: Peer, now: float) -> list[Frame]:
-        """Take a datagram, or a piece of a stream (empty: it ended); returns the frames found, for a recording."""
+        """Take a datagram, or a piece of a stream (empty: it ended); returns the frames believed, for a recording."""
         decoder = self._decoders.get(peer)
         if decoder is None:
             if len(self._decoders) >= _MOST_PEERS and not self._forget_a_peer():
@@ -80,7 +91,8 @@ class Router:
         stream = peer.transport in self._streams
         if stream and not data:
             decoder.forget_partial()
-        frames = decoder.feed_stream(data) if stream else decoder.feed_datagram(data)
+        found = decoder.feed_stream(data) if stream else decoder.feed_datagram(data)
+        frames = [frame for frame in found if self._believes(frame, peer, now)]
         for frame in frames:
             lost = self._missing_before(frame, peer)
             self._lost += lost
@@ -103,6 +115,7 @@ class Router:
     def advance(self, now: float) -> None:
         """Let every machine do what is due."""
         self.heartbeat.advance(now)
+        self._greeted_until_s = {peer: until_s for peer, until_s in self._greeted_until_s.items() if now < until_s}
         for system in [system for system, wake_at in self._wakes.items() if now >= wake_at]:
             self._advance(system, now)
 
@@ -124,7 +137,8 @@ class Router:
         outgoing: list[tuple[Peer, bytes]] = []
         for message in self.heartbeat.take_outgoing():
             bound = [account.peer for account in self._accounts.values() if account.peer is not None]
-            outgoing += [(peer, self._encode(message, peer)) for peer in dict.fromkeys([*self._always, *bound])]
+            peers = dict.fromkeys([*self._always, *bound, *self._greeted_until_s])
+            outgoing += [(peer, self._encode(message, peer)) for peer in peers]
         to_send, self._to_send = self._to_send, {}
         for system in to_send:
             peer = self._accounts[system].peer
@@ -151,7 +165,7 @@ class Router:
             )
         before = account.peer.address if account.peer is not None else None
         account.register(peer)
-        self._events.append(AddressRegistered(system=system, address=address, before=before))
+        self._events.append(AddressRegistered(system=system, address=address, before=before, by="operator"))
 
     @property
     def counters(self) -> LinkCounters:
@@ -165,6 +179,7 @@ class Router:
             lost=self._lost,
             not_in_fleet=self._not_in_fleet,
             refused=sum(account.refused for account in self._accounts.values()),
+            signature_refused=dict(self._signature_refused),
             peers_turned_away=self._turned_away,
         )
 
@@ -187,6 +202,7 @@ class Router:
             loss=account.loss(now),
             bad_frames=0 if decoder is None else decoder.counters.bad_frames,
             refused=account.refused,
+            signature_refused=dict(account.signature_refused),
             round_trip_s=vehicle.round_trip_s,
             commands_resent=vehicle.commands_resent,
             command_noise=vehicle.command_noise,
@@ -205,6 +221,22 @@ class Router:
         self._sequences = {key: last for key, last in self._sequences.items() if key[0] != peer}
         return True
 
+    def _believes(self, frame: Frame, peer: Peer, now: float) -> bool:
+        """Whether a frame has the signature it needs; if not, it is counted."""
+        signing = self._signing.get(peer.transport)
+        if signing is None:
+            return True
+        verdict = signing.judge(frame.raw)
+        if verdict.accepted:
+            return True
+        self._signature_refused[verdict] += 1
+        if frame.system in self.vehicles:
+            self._accounts[frame.system].signature_refused[verdict] += 1
+            # A vehicle that lost its clock takes the date from our heartbeat, and is believed from then on.
+            if verdict is Verdict.STALE and len(self._greeted_until_s) < _MOST_GREETED:
+                self._greeted_until_s[peer] = now + _GREETED_FOR_S
+        return False
+
     def _deliver(self, frame: Frame, peer: Peer, lost: int, now: float) -> None:
         vehicle, account = self.vehicles[frame.system], self._accounts[frame.system]
         # Silence counts from now on, not from when somebody last looked at the clock.
@@ -220,10 +252,16 @@ class Router:
         """Whether a frame from an address that is not its vehicle's makes it so; if not, it is refused."""
         account = self._accounts[frame.system]
         at_home = self._transport_of.get(frame.system, peer.transport) == peer.transport
+        greets = isinstance(frame.message, Heartbeat) and frame.component == MavComponent.AUTOPILOT1
+        genuine = peer.transport in self._signing and is_signed(frame.raw)
         if account.peer is None and at_home:
-            if not (isinstance(frame.message, Heartbeat) and frame.component == MavComponent.AUTOPILOT1):
-                return False
+            if greets:
+                account.register(peer)
+        elif at_home and greets and genuine and not self.vehicles[frame.system].state.link_up:
+            before = account.peer.address if account.peer is not None else None
             account.register(peer)
+            event = AddressRegistered(system=frame.system, address=peer.address, before=before, by="signature")
+            self._events.append(event)
         elif account.refuse(peer):
             registered = account.peer.address if account.peer is not None else None
             self._events.append(AddressRefused(system=frame.system, address=peer.address, registered=registered))
@@ -256,5 +294,8 @@ class Router:
     def _encode(self, message: Message, peer: Peer) -> bytes:
         encoder = self._encoders.get(peer)
         if encoder is None:
-            encoder = self._encoders[peer] = Encoder(system=self.own.system, component=self.own.component)
+            signing = self._signing.get(peer.transport)
+            sign = signing.sign if signing is not None else None
+            encoder = Encoder(system=self.own.system, component=self.own.component, sign=sign)
+            self._encoders[peer] = encoder
         return encoder.encode(message)

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import BinaryIO
 
 from hsop_gcs.errors import Unavailable
-from hsop_gcs.link.codec import STX_V1, STX_V2, Decoder, Frame
+from hsop_gcs.link.codec import STX_V1, STX_V2, Decoder, Frame, message_id
 
 _STAMP_BYTES = 8
 _SIGNED = 0x01
+_SETUP_SIGNING = 256
 _DAY_US = 86_400 * 1_000_000
 
 
@@ -58,8 +59,8 @@ class TlogWriter:
         """Why the recording ended; None while it goes on."""
 
     def write(self, time_s: float, raw: bytes) -> None:
-        """Write one frame. time_s: seconds since the Unix epoch."""
-        if self.fault is not None:
+        """Write one frame. time_s: seconds since the Unix epoch. A frame that hands over a signing key is left out."""
+        if self.fault is not None or message_id(raw) == _SETUP_SIGNING:
             return
         try:
             self._file.write(round(time_s * 1e6).to_bytes(_STAMP_BYTES, "big") + raw)

@@ -9,6 +9,8 @@ on its own local port, so that a ground station may also call it.
 
 import asyncio
 import math
+import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -19,8 +21,9 @@ import numpy as np
 
 from hsop_gcs.errors import BadInput, Unavailable
 from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
-from hsop_gcs.link.codec import Decoder, Encoder
+from hsop_gcs.link.codec import Decoder, Encoder, Frame
 from hsop_gcs.link.enums import MavComponent
+from hsop_gcs.link.signing import Signing, SigningClock
 from hsop_gcs.simulator.ardupilot import ArduCopter
 from hsop_gcs.simulator.battery import BatteryConfig
 from hsop_gcs.simulator.body import VehicleConfig
@@ -66,6 +69,10 @@ class FleetConfig:
     gps: GpsError = field(default_factory=GpsError)
     faults: Sequence[Fault] = ()
     impairment: Impairment = field(default_factory=Impairment)
+    signing_key: bytes | None = field(default=None, repr=False)
+    """With it, vehicles sign what they send and believe only what is signed."""
+    unix_s: Callable[[], float] = time.time
+    """The clock that signatures are dated by."""
     seed: int = 0
     speed: float = 1.0
     """Simulated seconds per second of the clock."""
@@ -84,7 +91,7 @@ class SimulatedFleet:
             _Member(
                 _build(config, number, self._clock.now(), seed),
                 self._target(number),
-                config.impairment,
+                config,
                 seed,
                 self._clock,
             )
@@ -164,18 +171,26 @@ class _Member(asyncio.DatagramProtocol):
         self,
         vehicle: Vehicle,
         target: Address,
-        impairment: Impairment,
+        config: FleetConfig,
         seed: np.random.SeedSequence,
         clock: "_SteadyClock",
     ) -> None:
         self.vehicle = vehicle
         self.target = target
+        self.refused: Counter[str] = Counter()
+        """Frames whose signature was not believed, by what was wrong."""
         self._clock = clock
-        self._encoder = Encoder(system=vehicle.config.system, component=MavComponent.AUTOPILOT1)
+        key = config.signing_key
+        self._signing = None if key is None else Signing(key, clock=SigningClock(config.unix_s))
+        self._encoder = Encoder(
+            system=vehicle.config.system,
+            component=MavComponent.AUTOPILOT1,
+            sign=None if self._signing is None else self._signing.sign,
+        )
         self._decoder = Decoder()
         inward, outward = seed.spawn(2)
-        self._inward = Channel[tuple[bytes, Address]](impairment, np.random.default_rng(inward))
-        self._outward = Channel[tuple[bytes, Address]](impairment, np.random.default_rng(outward))
+        self._inward = Channel[tuple[bytes, Address]](config.impairment, np.random.default_rng(inward))
+        self._outward = Channel[tuple[bytes, Address]](config.impairment, np.random.default_rng(outward))
         self._peers: dict[Address, float] = {}
         self._transport: asyncio.DatagramTransport | None = None
         self._started_at = clock.now()
@@ -199,9 +214,10 @@ class _Member(asyncio.DatagramProtocol):
 
     def advance(self, now: float) -> None:
         for datagram, peer in self._inward.take_due(now):
-            self._peers[peer] = now
             for frame in self._decoder.feed_datagram(datagram):
-                self.vehicle.receive(frame, now)
+                if self._believes(frame):
+                    self._peers[peer] = now
+                    self.vehicle.receive(frame, now)
         self.vehicle.advance(now)
         self._send(now)
 
@@ -222,6 +238,13 @@ class _Member(asyncio.DatagramProtocol):
 
     def error_received(self, exc: Exception) -> None:
         """A peer's port is closed, say: it may open again, and until then nobody misses anything."""
+
+    def _believes(self, frame: Frame) -> bool:
+        if self._signing is None:
+            return True
+        verdict = self._signing.judge(frame.raw)
+        self.refused[verdict] += not verdict.accepted
+        return verdict.accepted
 
     def _cut(self, now: float) -> bool:
         """Whether the link is cut now; counts what is lost by it."""

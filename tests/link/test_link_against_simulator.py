@@ -1,6 +1,7 @@
 """The link and the simulated fleet on real sockets, with a clock that runs fast."""
 
 import asyncio
+import time
 from collections.abc import Callable
 
 import numpy as np
@@ -8,19 +9,24 @@ import pytest
 
 from hsop_gcs.geometry.frames import Aim, GeodeticPoint, LocalFrame
 from hsop_gcs.link.events import Event, OnStation, OrderEvent, OrderFailed, TookOff
+from hsop_gcs.link.identity import Identity
 from hsop_gcs.link.protocol.hover import HoverOrder
 from hsop_gcs.link.pump import Link
+from hsop_gcs.link.signing import Signing, SigningClock
 from hsop_gcs.simulator.channel import Impairment
 from hsop_gcs.simulator.fleet import Autopilot, FleetConfig, SimulatedFleet, grid
 
 ORIGIN = GeodeticPoint(lat_deg=47.0, lon_deg=8.0, altitude_amsl_m=500.0)
 LOCAL = LocalFrame(ORIGIN)
 SYSTEMS = [1, 2, 3]
-SPEED = 4.0
+KEY = bytes(range(32))
+SPEED = 2.0
 METRE = 1.0
 
 
-def simulated(autopilot: Autopilot, target: tuple[str, int], loop: asyncio.AbstractEventLoop) -> SimulatedFleet:
+def simulated(
+    autopilot: Autopilot, target: tuple[str, int], loop: asyncio.AbstractEventLoop, *, key: bytes | None = None
+) -> SimulatedFleet:
     config = FleetConfig(
         autopilot=autopilot,
         homes=grid(ORIGIN, len(SYSTEMS), 20.0),
@@ -28,6 +34,7 @@ def simulated(autopilot: Autopilot, target: tuple[str, int], loop: asyncio.Abstr
         shared_port=True,
         local_port=0,
         impairment=Impairment(loss=0.02, delay_s=0.02, jitter_s=0.02),
+        signing_key=key,
         seed=5,
         speed=SPEED,
     )
@@ -103,6 +110,35 @@ def test_a_fleet_that_we_call_takes_off_and_comes_on_station(autopilot: Autopilo
             endpoints = [f"udpout:{host}:{port}" for host, port in fleet.local_addresses]
             async with Link(endpoints, SYSTEMS, clock=clock, on_event=events.append) as link:
                 await fly(link, fleet, events)
+        finally:
+            await fleet.close()
+
+    asyncio.run(scenario())
+
+
+def test_a_signed_fleet_takes_off_and_comes_on_station_and_hears_nobody_else() -> None:
+    async def scenario() -> None:
+        loop = asyncio.get_running_loop()
+        events: list[Event] = []
+        clock = lambda: loop.time() * SPEED  # noqa: E731
+        fleet = simulated(Autopilot.PX4, ("127.0.0.1", 9), loop, key=KEY)
+        await fleet.start()
+        try:
+            endpoints = [f"udpout:{host}:{port}" for host, port in fleet.local_addresses]
+            ours = {text: Signing(KEY, clock=SigningClock(time.time)) for text in endpoints}
+            theirs = {text: Signing(bytes(32), clock=SigningClock(time.time)) for text in endpoints}
+            stranger = Identity(system=254)
+            async with (
+                Link(endpoints, SYSTEMS, clock=clock, on_event=events.append, signing=ours) as link,
+                Link(endpoints, SYSTEMS, own=stranger) as unsigned,
+                Link(endpoints, SYSTEMS, own=stranger, signing=theirs) as forger,
+            ):
+                await fly(link, fleet, events)
+                assert link.counters.refused == 0
+                assert set(link.counters.signature_refused) <= {"replayed"}
+                assert unsigned.counters.received == forger.counters.received == 0
+                assert all(member.refused["unsigned"] > 0 for member in fleet.members)
+                assert all(member.refused["forged"] > 0 for member in fleet.members)
         finally:
             await fleet.close()
 

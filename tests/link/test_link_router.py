@@ -88,7 +88,7 @@ def test_a_vehicle_that_changes_its_address_is_refused_told_and_counted_until_an
     router.receive(elsewhere(), THERE, 61.0)
     router.receive(Sender(1)(), HERE, 61.1)
     registered, refused, up = router.take_events()
-    assert registered == AddressRegistered(system=1, address="127.0.0.1:14542", before="127.0.0.1:14541")
+    assert registered == AddressRegistered(system=1, address="127.0.0.1:14542", before="127.0.0.1:14541", by="operator")
     assert refused == AddressRefused(system=1, address="127.0.0.1:14541", registered="127.0.0.1:14542")
     assert up == LinkUp(system=1)
     router.advance(61.2)

@@ -4,6 +4,7 @@ import io
 from pathlib import Path
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hsop_gcs.errors import Unavailable
 from hsop_gcs.link.codec import Encoder
@@ -58,8 +59,8 @@ def test_a_recording_is_written_back_byte_for_byte(name: str) -> None:
 def test_a_log_that_cannot_be_written_any_more_ends_and_says_why() -> None:
     with Path("/dev/full").open("wb", buffering=0) as file:
         writer = TlogWriter(file)
-        writer.write(1_790_000_000.0, b"frame")
-        writer.write(1_790_000_001.0, b"frame")
+        for _ in range(2):
+            writer.write(1_790_000_000.0, Encoder(system=1, component=1).encode(Heartbeat()))
     assert writer.fault == "cannot be written any more: No space left on device"
 
 
@@ -68,3 +69,10 @@ def test_a_log_is_named_after_its_time_and_never_overwritten(tmp_path: Path) -> 
         assert Path(file.name).name == "2026-09-21T14-13-20.250000Z.tlog"
     with pytest.raises(Unavailable, match="File exists"):
         create_tlog(tmp_path / "logs", 1_790_000_000.25)
+
+
+def test_a_frame_that_hands_over_a_signing_key_is_not_written_down() -> None:
+    file = io.BytesIO()
+    setup = dialect.MAVLink_setup_signing_message(1, 1, list(range(32)), 0)
+    TlogWriter(file).write(1_790_000_000.0, setup.pack(dialect.MAVLink(None)))
+    assert file.getvalue() == b""
