@@ -1,1 +1,1 @@
-"""How good and how fast placements are, side by side with other ways to find them, measured in one run."""
+"""What can be measured in one run: placements beside other ways to find them, and the link under a large fleet."""

@@ -1,23 +1,23 @@
-"""``hsop-gcs bench``: quality and time beside other methods, in one run."""
+"""``hsop-gcs bench``: quality and time, in one run."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from hsop_gcs.cli.bench_link import link
 from hsop_gcs.errors import BadInput
 
 if TYPE_CHECKING:
     from hsop_gcs.bench.measure import Report
 
-commands = typer.Typer(name="bench", help="Quality and time beside other methods.", no_args_is_help=True)
+commands = typer.Typer(
+    name="bench", help="Quality and time of placements, cost and delays of the link.", no_args_is_help=True
+)
 
 
 def register(app: typer.Typer) -> None:
-    @commands.callback()
-    def bench() -> None:
-        """Keep ``placement`` a command of its own while there is no other."""
-
+    commands.command()(link)
     app.add_typer(commands)
 
 

@@ -1,0 +1,407 @@
+"""What ``hsop-gcs bench link`` measures, with a real service, real sockets and a fleet in a process of its own.
+
+Load: a hundred vehicles at full telemetry. A plan flies, cameras follow threats, and an operator holds other hosts: how
+much processor time and memory the service takes, how late commands are answered, how evenly aims and heartbeats come.
+
+Reports: from the HTTP request that reports two threats to the datagram that orders the first waypoint, in autonomy
+``auto``, with everything in between.
+"""
+
+import math
+import multiprocessing
+import socket
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from itertools import pairwise
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import httpx2
+import numpy as np
+
+from hsop_gcs.bench.process import Service, running
+from hsop_gcs.bench.traffic import Heard, run
+from hsop_gcs.errors import Unavailable
+from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
+from hsop_gcs.link.enums import MavCmd
+from hsop_gcs.link.protocol.gimbal import GimbalTolerances
+from hsop_gcs.link.protocol.heartbeat import HEARTBEAT_PERIOD_S
+
+ORIGIN = GeodeticPoint(lat_deg=47.397742, lon_deg=8.545594, altitude_amsl_m=488.0)
+HEIGHT_M = 40.0
+SPACING_M = 15.0
+PLANNED = 4
+"""Hosts that plans may use; the others are there to be heard and held."""
+HELD_AT_ONCE = 10
+HOLD_EVERY_S = 1.0
+REPORT_EVERY_S = 0.5
+_READY_S = 180.0
+_LONGEST_WAIT_S = 10.0
+
+Step = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """Of a measured quantity, seconds."""
+
+    count: int
+    p50_s: float
+    p99_s: float
+    worst_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Load:
+    """What a fleet at full telemetry takes."""
+
+    vehicles: int
+    messages_per_s: float
+    """Frames that the service received, a second."""
+    duration_s: float
+    service_cores: float
+    """Processor seconds of the service's process per second."""
+    planner_cores: float
+    resident_mib: tuple[float, ...]
+    """At each tenth of the duration, from its beginning to its end."""
+    dropped: int
+    """Datagrams that came faster than they could be taken."""
+    command_to_ack: Spread
+    """From the operator's HTTP request to the service knowing the vehicle's acknowledgement."""
+    aim_jitter: Spread
+    """How far the time between two aims of one camera is from a multiple of their period."""
+    heartbeat_jitter: Spread
+    """How far the time between two heartbeats to one vehicle is from their period."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Result:
+    load: Load | None
+    report_to_waypoint: Spread | None
+    """Two threats, four hosts: from the HTTP request to the first datagram that orders a hover point."""
+    missed: int
+    """Reports after which no waypoint came within ten seconds."""
+
+    def to_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def measure(*, vehicles: int, duration_s: float, reports: int, seed: int, step: Step) -> Result:
+    """Run both measurements; 0 vehicles or 0 reports leaves one out. Raises Unavailable if the service fails."""
+    load, latency, missed = None, None, 0
+    if vehicles:
+        load = _load(vehicles, duration_s, seed, step)
+    if reports:
+        latency, missed = _report_to_waypoint(reports, seed, step)
+    return Result(load=load, report_to_waypoint=latency, missed=missed)
+
+
+def spread(seconds: Sequence[float]) -> Spread:
+    """Return the quantiles of what was measured; not a number where nothing was."""
+    if not seconds:
+        return Spread(count=0, p50_s=math.nan, p99_s=math.nan, worst_s=math.nan)
+    p50_s, p99_s = np.quantile(seconds, (0.5, 0.99), method="higher")
+    return Spread(count=len(seconds), p50_s=float(p50_s), p99_s=float(p99_s), worst_s=max(seconds))
+
+
+def off_the_grid(times_s: Sequence[float], period_s: float) -> list[float]:
+    """Return how far each interval is from the nearest whole number (at least one) of periods."""
+    intervals = [later - earlier for earlier, later in pairwise(times_s)]
+    return [abs(each - max(1, round(each / period_s)) * period_s) for each in intervals]
+
+
+def _load(vehicles: int, duration_s: float, seed: int, step: Step) -> Load:
+    rng = np.random.default_rng(seed)
+    with _setup(vehicles, "confirm", step) as (service, client, heard):
+        console = _Console(client, rng, [f"h{number}" for number in range(PLANNED + 1, vehicles + 1)])
+        step("warming up")
+        console.work(min(10.0, duration_s / 4), heard)
+        console.latencies_s.clear()
+        heard.take()
+        step(f"{vehicles} vehicles for {duration_s:g} s")
+        usages, frames, dropped = [service.usage()], console.frames(), console.dropped()
+        for _ in range(10):
+            console.work(duration_s / 10, heard)
+            usages.append(service.usage())
+        received, lost = console.frames() - frames, console.dropped() - dropped
+    took_s = usages[-1].time_s - usages[0].time_s
+    return Load(
+        vehicles=vehicles,
+        messages_per_s=received / took_s,
+        duration_s=took_s,
+        service_cores=(usages[-1].own_cpu_s - usages[0].own_cpu_s) / took_s,
+        planner_cores=(usages[-1].workers_cpu_s - usages[0].workers_cpu_s) / took_s,
+        resident_mib=tuple(round(usage.resident_mib, 1) for usage in usages),
+        dropped=lost,
+        command_to_ack=spread(console.latencies_s),
+        aim_jitter=spread(_aim_jitter_s(heard.all)),
+        heartbeat_jitter=spread(_heartbeat_jitter_s(heard.all)),
+    )
+
+
+def _aim_jitter_s(heard: Sequence[Heard]) -> list[float]:
+    """Of each host's aims between two of its waypoints."""
+    runs: dict[int, list[list[float]]] = defaultdict(lambda: [[]])
+    for each in heard:
+        if each.command == MavCmd.DO_GIMBAL_MANAGER_PITCHYAW:
+            runs[each.system][-1].append(each.time_s)
+        elif each.command == MavCmd.DO_REPOSITION:
+            runs[each.system].append([])
+    period_s = GimbalTolerances().least_period_s
+    return [off for of_host in runs.values() for times_s in of_host for off in off_the_grid(times_s, period_s)]
+
+
+def _heartbeat_jitter_s(heard: Sequence[Heard]) -> list[float]:
+    times_s: dict[int, list[float]] = defaultdict(list)
+    for each in heard:
+        if each.command is None:
+            times_s[each.system].append(each.time_s)
+    return [off for of_host in times_s.values() for off in off_the_grid(of_host, HEARTBEAT_PERIOD_S)]
+
+
+def _report_to_waypoint(reports: int, seed: int, step: Step) -> tuple[Spread, int]:
+    rng = np.random.default_rng(seed)
+    latencies_s, missed = [], 0
+    with _setup(PLANNED, "auto", step) as (_, client, heard):
+        for number in range(reports):
+            step(f"report {number + 1} of {reports}")
+            names = [f"r{number}-{threat}" for threat in (1, 2)]
+            wishes = [_threat(name, rng) for name in names]
+            heard.take()
+            asked_at_s = time.time()
+            _post(client, "/api/v1/reports", [wish.report(asked_at_s, asked_at_s) for wish in wishes])
+            came_at_s = heard.first(MavCmd.DO_REPOSITION, within_s=_LONGEST_WAIT_S)
+            if came_at_s is None:
+                missed += 1
+            else:
+                latencies_s.append(came_at_s - asked_at_s)
+            _clear(client, rng)
+    return spread(latencies_s), missed
+
+
+def _clear(client: httpx2.Client, rng: np.random.Generator) -> None:
+    """Dismiss every threat and wait until nothing is planned any more."""
+    for threat in client.get("/api/v1/threats").raise_for_status().json():
+        client.delete(f"/api/v1/threats/{threat['id']}").raise_for_status()
+    made, quiet_s = -1, 0.0
+    while quiet_s < 1.5:
+        # Not a whole number of the mission's ticks: reports shall come at any moment of them.
+        nap_s = float(rng.uniform(0.4, 0.6))
+        time.sleep(nap_s)
+        health = client.get("/api/v1/health").raise_for_status().json()
+        quiet_s = quiet_s + nap_s if health["planning"]["plans_made"] == made else 0.0
+        made = health["planning"]["plans_made"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Threat:
+    """On a straight way from a time on; ENU metres."""
+
+    name: str
+    position_m: tuple[float, float]
+    velocity_mps: tuple[float, float]
+
+    def report(self, since_s: float, now_s: float) -> dict[str, Any]:
+        after_s = now_s - since_s
+        enu = [p + v * after_s for p, v in zip(self.position_m, self.velocity_mps, strict=True)]
+        place = LocalFrame(ORIGIN).to_geodetic(np.array([*enu, HEIGHT_M]))
+        return {
+            "source": "bench",
+            "threat_id": self.name,
+            "time": datetime.fromtimestamp(now_s, UTC).isoformat(),
+            "position": {
+                "lat_deg": place.lat_deg,
+                "lon_deg": place.lon_deg,
+                "altitude_m": place.altitude_amsl_m,
+                "altitude_datum": "amsl",
+            },
+            "velocity": {"east_mps": self.velocity_mps[0], "north_mps": self.velocity_mps[1], "up_mps": 0.0},
+            "sigma_m": 1.0,
+        }
+
+
+def _threat(name: str, rng: np.random.Generator) -> _Threat:
+    """Somewhere 80 to 160 m north of the fleet, at up to 5 m/s."""
+    course, speed_mps = rng.uniform(0, 2 * math.pi), rng.uniform(1, 5)
+    return _Threat(
+        name=name,
+        position_m=(float(rng.uniform(-60, 60)), float(rng.uniform(80, 160))),
+        velocity_mps=(float(speed_mps * math.sin(course)), float(speed_mps * math.cos(course))),
+    )
+
+
+class _Console:
+    """An operator's console, played by a program: reports two threats, approves plans, holds idle hosts."""
+
+    def __init__(self, client: httpx2.Client, rng: np.random.Generator, idle: Sequence[str]) -> None:
+        self._client = client
+        self._rng = rng
+        self._idle = list(idle)
+        self._since_s = time.time()
+        self._threats = [
+            _Threat(name="t1", position_m=(-80.0, 70.0), velocity_mps=(4.0, 0.5)),
+            _Threat(name="t2", position_m=(60.0, 120.0), velocity_mps=(-4.0, -0.5)),
+        ]
+        self._held: dict[str, float] = {}
+        self._newest = 0
+        self.latencies_s: list[float] = []
+
+    def work(self, for_s: float, heard: "_Heard") -> None:
+        """Be busy for so long."""
+        until_s, report_at_s, hold_at_s = time.monotonic() + for_s, 0.0, 0.0
+        while (now := time.monotonic()) < until_s:
+            if now >= report_at_s:
+                report_at_s = now + REPORT_EVERY_S
+                wall_s = time.time()
+                _post(self._client, "/api/v1/reports", [each.report(self._since_s, wall_s) for each in self._threats])
+                self._approve()
+            if now >= hold_at_s and self._idle:
+                hold_at_s = now + HOLD_EVERY_S
+                self._hold()
+            self._listen()
+            heard.poll(0.1)
+
+    def frames(self) -> int:
+        return int(self._link()["received"])
+
+    def dropped(self) -> int:
+        return int(self._link()["dropped_datagrams"])
+
+    def _link(self) -> dict[str, Any]:
+        health: dict[str, Any] = self._client.get("/api/v1/health").raise_for_status().json()
+        link: dict[str, Any] = health["link"]
+        return link
+
+    def _approve(self) -> None:
+        proposed = self._client.get("/api/v1/plan").raise_for_status().json()["proposed"]
+        if proposed is not None:
+            # Refused if it is not safe any more; then the next one is proposed.
+            self._client.post("/api/v1/plan/approve", json={"plan_id": proposed["id"]})
+
+    def _hold(self) -> None:
+        hosts = [str(host) for host in self._rng.choice(self._idle, min(HELD_AT_ONCE, len(self._idle)), replace=False)]
+        hosts = [host for host in hosts if host not in self._held]
+        self._held |= dict.fromkeys(hosts, time.time())
+        _post(self._client, "/api/v1/hosts/hold", {"hosts": hosts})
+
+    def _listen(self) -> None:
+        for event in self._client.get("/api/v1/events", params={"after": self._newest}).raise_for_status().json():
+            self._newest = event["number"]
+            if event["kind"] == "CommandFinished" and event["host"] in self._held:
+                at_s = datetime.fromisoformat(event["time"]).timestamp()
+                self.latencies_s.append(at_s - self._held.pop(event["host"]))
+
+
+class _Heard:
+    """What the fleet's process tells, in order."""
+
+    def __init__(self, pipe: Connection) -> None:
+        self._pipe = pipe
+        self.all: list[Heard] = []
+
+    def poll(self, wait_s: float) -> None:
+        """Take in what was told, after waiting so long for something."""
+        while self._pipe.poll(wait_s):
+            self.all += self._pipe.recv()
+            wait_s = 0.0
+
+    def take(self) -> None:
+        """Forget what was heard up to now."""
+        self.poll(0.1)
+        self.all.clear()
+
+    def first(self, command: int, *, within_s: float) -> float | None:
+        """Return when a command is heard for the first time; None if it is not within so long."""
+        give_up_at = time.monotonic() + within_s
+        while time.monotonic() < give_up_at:
+            self.poll(0.1)
+            for each in self.all:
+                if each.command == command:
+                    return each.time_s
+        return None
+
+
+@contextmanager
+def _setup(vehicles: int, autonomy: str, step: Step) -> Iterator[tuple[Service, httpx2.Client, _Heard]]:
+    """Run the service and the fleet, and wait until every vehicle can be sent and the planner is ready."""
+    ports = _free_udp_ports(vehicles)
+    step("starting the service")
+    with tempfile.TemporaryDirectory(prefix="hsop-gcs-bench-") as folder:
+        config = Path(folder, "fleet.toml")
+        config.write_text(_fleet_toml(ports, autonomy))
+        with (
+            running(config, Path(folder, "service.log")) as service,
+            _fleet(ports) as heard,
+            httpx2.Client(base_url=service.address, timeout=10.0) as client,
+        ):
+            step("waiting for the fleet and the planner")
+            _wait_until_ready(client, vehicles)
+            yield service, client, heard
+
+
+@contextmanager
+def _fleet(ports: Sequence[int]) -> Iterator[_Heard]:
+    columns = math.ceil(math.sqrt(len(ports)))
+    frame = LocalFrame(ORIGIN)
+    corners = [(index % columns, -(index // columns), 0.0) for index in range(len(ports))]
+    homes = [frame.to_geodetic(np.array(corner) * SPACING_M) for corner in corners]
+    # spawn: a copy of this process would hold its threads' locks
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    peers = [("127.0.0.1", port) for port in ports]
+    process = context.Process(target=run, args=(homes, HEIGHT_M, peers, theirs), daemon=True)
+    process.start()
+    try:
+        yield _Heard(ours)
+    finally:
+        ours.send("end")
+        process.join(timeout=5)
+        if process.is_alive():
+            process.terminate()
+            process.join()
+
+
+def _wait_until_ready(client: httpx2.Client, vehicles: int) -> None:
+    give_up_at = time.monotonic() + _READY_S
+    while time.monotonic() < give_up_at:
+        health = client.get("/api/v1/health").raise_for_status().json()
+        if health["planning"]["ready"] and health["hosts_available"] == vehicles:
+            return
+        time.sleep(0.5)
+    raise Unavailable(f"after {_READY_S:g} s {health['hosts_available']} of {vehicles} hosts could be sent")
+
+
+def _fleet_toml(ports: Sequence[int], autonomy: str) -> str:
+    head = f"""[site]
+origin = {{ lat_deg = {ORIGIN.lat_deg}, lon_deg = {ORIGIN.lon_deg}, altitude_amsl_m = {ORIGIN.altitude_amsl_m} }}
+[service]
+autonomy = "{autonomy}"
+"""
+    hosts = [
+        f'[[hosts]]\nid = "h{number}"\nsystem_id = {number}\nconnection = "udpin:127.0.0.1:{port}"\n'
+        for number, port in enumerate(ports, start=1)
+    ]
+    return head + "".join(hosts)
+
+
+def _free_udp_ports(count: int) -> list[int]:
+    probes = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
+    try:
+        for probe in probes:
+            probe.bind(("127.0.0.1", 0))
+        return [int(probe.getsockname()[1]) for probe in probes]
+    finally:
+        for probe in probes:
+            probe.close()
+
+
+def _post(client: httpx2.Client, path: str, body: Any) -> None:
+    answer = client.post(path, json=body)
+    if answer.is_error:
+        raise Unavailable(f"{path}: {answer.text[:300]}")

@@ -1,0 +1,88 @@
+"""``hsop-gcs bench link``: what a large fleet costs the service, and how fast a report becomes a waypoint."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hsop_gcs.errors import BadInput
+
+if TYPE_CHECKING:
+    from hsop_gcs.bench.link import Result
+
+
+def link(
+    vehicles: Annotated[int, typer.Option(help="At full telemetry; 0 leaves this part out.")] = 100,
+    duration: Annotated[float, typer.Option(help="Of that part, seconds.")] = 60.0,
+    reports: Annotated[int, typer.Option(help="Pairs of threats reported to four hosts; 0: none.")] = 100,
+    seed: Annotated[int, typer.Option(help="Of the threats and of who is held.")] = 0,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write what was measured here.")] = None,
+) -> None:
+    """Run the service beside a fleet in a process of its own: its cost, its delays, and report to first waypoint."""
+    import json
+    import os
+    import platform
+
+    from rich.console import Console
+
+    from hsop_gcs.bench.link import measure
+
+    if not 0 <= vehicles <= 250:
+        raise BadInput("--vehicles", f"{vehicles} is not between 0 and 250")
+    if not 1 <= duration <= 86_400:
+        raise BadInput("--duration", f"{duration} is not between 1 and 86400 s")
+    if not 0 <= reports <= 10_000:
+        raise BadInput("--reports", f"{reports} is not between 0 and 10000")
+    if json_file is not None and not json_file.parent.is_dir():
+        raise BadInput("--json", f"{json_file}: there is no directory {json_file.parent}")
+    machine: dict[str, Any] = {
+        "machine": platform.machine(),
+        "cores": os.cpu_count(),
+        "python": platform.python_version(),
+        "load_before": [round(each, 2) for each in os.getloadavg()],
+    }
+    with Console(stderr=True).status("beginning") as status:
+        result = measure(vehicles=vehicles, duration_s=duration, reports=reports, seed=seed, step=status.update)
+    if json_file is not None:
+        try:
+            json_file.write_text(json.dumps(machine | result.to_json(), indent=2) + "\n", encoding="utf-8")
+        except OSError as error:
+            raise BadInput("--json", f"{json_file} cannot be written: {error.strerror or error}") from None
+    _print(result, Console())
+    typer.echo(
+        f"{machine['machine']}, {machine['cores']} cores, Python {machine['python']},"
+        f" load {machine['load_before'][0]:g} before it began"
+    )
+
+
+def _print(result: "Result", console: object) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    assert isinstance(console, Console)
+    load, latency = result.load, result.report_to_waypoint
+    spreads = {}
+    if load is not None:
+        spreads = {
+            "operator's command to its acknowledgement": load.command_to_ack,
+            "camera aims, beside their period": load.aim_jitter,
+            "heartbeats, beside their period": load.heartbeat_jitter,
+        }
+        console.print(
+            f"{load.vehicles} vehicles, {load.messages_per_s:.0f} messages/s for {load.duration_s:.0f} s:"
+            f" service {load.service_cores:.2f} cores, planner {load.planner_cores:.2f} cores,"
+            f" {load.dropped} datagrams dropped",
+            highlight=False,
+        )
+        memory = " ".join(f"{each:.0f}" for each in load.resident_mib)
+        console.print(f"memory of the service at each tenth, MiB: {memory}", highlight=False)
+    if latency is not None:
+        spreads["report to first waypoint, 2 threats, 4 hosts"] = latency
+        console.print(f"{result.missed} reports without a waypoint within 10 s", highlight=False)
+    table = Table(title="Milliseconds")
+    table.add_column("what")
+    for heading in ("number", "p50", "p99", "worst"):
+        table.add_column(heading, justify="right")
+    for what, each in spreads.items():
+        table.add_row(what, str(each.count), *(f"{1e3 * s:.0f}" for s in (each.p50_s, each.p99_s, each.worst_s)))
+    console.print(table)
