@@ -9,7 +9,7 @@ for all shared ids).
 
 import struct
 from collections.abc import Callable, Collection
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import partial
 from itertools import accumulate
 from operator import itemgetter
@@ -165,8 +165,13 @@ class Decoder:
             if not complete and more_may_come:
                 return frames, data[at:]
             frame = self._decode(data[at : at + length]) if complete and length is not None else None
-            if frame is not None and not frame.verified and self._good_frame_begins(data, at + 1, at + len(frame.raw)):
-                frame = None
+            end = at + len(frame.raw) if frame is not None else at
+            if frame is not None and not frame.verified:
+                begins = self._next_begins(data, at + 1, end, more_may_come=more_may_come)
+                if begins is not None and begins.complete:
+                    frame = None
+                elif begins is not None:
+                    end = begins.at
             if frame is None:
                 # Perhaps no frame began here at all: what follows is looked at byte by byte.
                 self.counters.bad_frames += 1
@@ -176,7 +181,7 @@ class Decoder:
             self.counters.frames += 1
             self.counters.unknown += isinstance(frame.message, Unknown)
             frames.append(frame)
-            at += len(frame.raw)
+            at = end
         return frames, b""
 
     def _decode(self, raw: bytes) -> Frame | None:
@@ -195,8 +200,8 @@ class Decoder:
         system, component, sequence = (raw[5], raw[6], raw[4]) if version_2 else (raw[3], raw[4], raw[2])
         return Frame(message=message, system=system, component=component, sequence=sequence, raw=raw, verified=verified)
 
-    def _good_frame_begins(self, data: bytes, start: int, stop: int) -> bool:
-        """Tell whether a frame with a good checksum begins in ``data[start:stop]``.
+    def _next_begins(self, data: bytes, start: int, stop: int, *, more_may_come: bool) -> "_Beginning | None":
+        """Return where in ``data[start:stop]`` a good frame begins, or one that may be good once the rest has come.
 
         An id outside the dialect has a checksum nobody can verify; a chance STX in front of such an id must not
         swallow the real frames behind it.
@@ -204,11 +209,28 @@ class Decoder:
         for at in range(start, stop):
             if data[at] in (STX_V1, STX_V2):
                 length = _frame_length(data, at)
-                if length is not None and at + length <= len(data):
+                complete = length is not None and at + length <= len(data)
+                if complete and length is not None:
                     frame = self._decode(data[at : at + length])
                     if frame is not None and frame.verified:
-                        return True
+                        return _Beginning(at, complete=True)
+                elif more_may_come and _may_be_ours(data[at:]):
+                    return _Beginning(at, complete=False)
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class _Beginning:
+    at: int
+    complete: bool = field(kw_only=True)
+
+
+def _may_be_ours(begun: bytes) -> bool:
+    """Whether the beginning of a frame, as far as it has come, is one of a frame that can be verified."""
+    version_2 = begun[0] == STX_V2
+    if version_2 and len(begun) > 2 and begun[2] & ~_KNOWN_INCOMPAT_FLAGS:
         return False
+    return len(begun) < (10 if version_2 else 6) or message_id(begun) in _CRC_EXTRA
 
 
 def message_id(frame: bytes) -> int:

@@ -1,22 +1,27 @@
 """What the API shows of hosts' links, and how a host that changed its address is let in again."""
 
 import socket
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import httpx2
 
 from hsop_gcs.link.codec import Encoder
 from hsop_gcs.link.enums import MavAutopilot, MavType
+from hsop_gcs.link.key_files import TimestampFile, read_key
 from hsop_gcs.link.messages import Heartbeat
+from hsop_gcs.link.signing import TICKS_PER_S, Signing, SigningClock
+from hsop_gcs.settings import SigningSection
 from tests.service import free_udp_port, service, settings, wait_until
 
 
 @contextmanager
-def vehicle(port: int) -> Iterator[tuple[Any, str]]:
+def vehicle(port: int, sign: Callable[[bytes], bytes] | None = None) -> Iterator[tuple[Any, str]]:
     """A function that sends one heartbeat of system 1 to a port of ours, and the address it comes from."""
-    encoder = Encoder(system=1, component=1)
+    encoder = Encoder(system=1, component=1, sign=sign)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as radio:
         radio.connect(("127.0.0.1", port))
         beat = Heartbeat(type=MavType.QUADROTOR, autopilot=MavAutopilot.PX4)
@@ -56,3 +61,21 @@ def test_a_host_at_another_address_is_shown_and_listened_to_only_once_it_is_regi
         wait_until(lambda: first_link(client)["received"] == 2)
         kinds = [event["kind"] for event in client.get("/api/v1/events").json()]
         assert kinds.count("AddressRefused") == kinds.count("AddressRegistered") == 1
+
+
+def test_a_host_with_a_key_is_heard_only_if_it_signs_and_our_dates_are_kept(tmp_path: Path) -> None:
+    port, key = free_udp_port(), tmp_path / "fleet.key"
+    key.touch(mode=0o600)
+    key.write_text("ab" * 32)
+    signed = settings(1, port).model_copy(update={"signing": SigningSection(key_file=str(key))})
+    signing = Signing(read_key(key), clock=SigningClock(time.time))
+    with service(signed) as client, vehicle(port) as (unsigned_beat, _), vehicle(port, signing.sign) as (beat, address):
+        unsigned_beat()
+        wait_until(lambda: first_link(client)["signature_refused"] == {"unsigned": 1})
+        health = client.get("/api/v1/health").json()
+        assert "host h1: frames refused by signature: 1 unsigned" in health["problems"]
+        assert health["link"]["signature_refused"] == {"unsigned": 1}
+        beat()
+        wait_until(lambda: first_link(client)["address"] == address)
+    kept = TimestampFile(tmp_path / "fleet.key.timestamp").load()
+    assert kept > SigningClock(time.time).wall() - 100 * TICKS_PER_S

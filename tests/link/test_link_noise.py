@@ -2,12 +2,15 @@
 
 import math
 from dataclasses import fields
+from random import Random
 
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from hsop_gcs.geometry.frames import Aim, GeodeticPoint
-from hsop_gcs.link.codec import Encoder
+from hsop_gcs.link.codec import Decoder, Encoder
+from hsop_gcs.link.endpoint import Peer
 from hsop_gcs.link.enums import MavAutopilot, MavCmd, MavLandedState, MavModeFlag, MavResult
 from hsop_gcs.link.events import Arrived, OrderEvent, OrderFailed, OrderSuperseded
 from hsop_gcs.link.messages import (
@@ -21,7 +24,10 @@ from hsop_gcs.link.messages import (
     Message,
 )
 from hsop_gcs.link.protocol.hover import HoverOrder
+from hsop_gcs.link.router import Router
+from hsop_gcs.link.signing import Signing, SigningClock
 from hsop_gcs.link.vehicle import Vehicle
+from tests.link.noise import noise, pieces
 from tests.link.strategies import spoken
 
 POINT = GeodeticPoint(lat_deg=47.0, lon_deg=8.0, altitude_amsl_m=525.0)
@@ -94,3 +100,28 @@ def test_no_message_stops_a_vehicle_and_every_order_ends_at_most_once(
         assert wake_at is None or now < wake_at < math.inf, "a machine that is due after its work would spin"
     assert len(ended) == len(set(ended))
     assert orders - len(ended) in (0, 1)
+
+
+@pytest.mark.parametrize("signed", [False, True])
+def test_of_thousands_of_spoiled_frames_none_is_fatal_and_every_good_one_between_is_understood(signed: bool) -> None:
+    rng, peer = Random(6), Peer(0, "127.0.0.1", 14541)
+    signing = {0: Signing(bytes(32), clock=SigningClock(lambda: 1.8e9))} if signed else {}
+    router = Router([1], signing=signing)
+    sign = Signing(bytes(32), clock=SigningClock(lambda: 1.8e9)).sign if signed else None
+    for number, (raw, is_good) in enumerate(noise(rng, 4000, sign=sign)):
+        found = [frame.raw for frame in router.receive(raw, peer, number * 0.01)]
+        assert raw in found or not is_good
+        assert not (signed and found) or is_good
+        router.advance(number * 0.01)
+        router.take_outgoing()
+        router.take_events()
+
+
+def test_every_good_frame_of_a_spoiled_stream_is_understood_wherever_it_is_cut() -> None:
+    rng, decoder = Random(7), Decoder()
+    made = list(noise(rng, 4000))
+    found: list[bytes] = []
+    for piece in pieces(rng, b"".join(raw for raw, _ in made) + bytes(600)):
+        found += [frame.raw for frame in decoder.feed_stream(piece) if frame.verified]
+        assert decoder.pending_bytes < 280
+    assert [raw for raw, is_good in made if is_good and raw not in found] == []

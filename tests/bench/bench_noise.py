@@ -1,0 +1,95 @@
+"""A million random, truncated and mutated frames with good ones in between, as datagrams and as a byte stream.
+
+python -m tests.bench.bench_noise [FRAMES] [SEED]
+
+Exit code 1 if a good frame was not understood, or memory grew by more than a megabyte after the first fifth.
+"""
+
+import gc
+import os
+import sys
+import time
+from collections import deque
+from pathlib import Path
+from random import Random
+
+from hsop_gcs.link.endpoint import Peer
+from hsop_gcs.link.router import Router
+from tests.link.noise import noise, pieces
+
+FRAME_PERIOD_S = 0.002
+DATAGRAMS, STREAM = Peer(0, "127.0.0.1", 14541), Peer(1, "/dev/ttyUSB0", 57600)
+STREAM_CHUNK_BYTES = 20_000
+MEGABYTE = 1e6
+
+
+class Ear:
+    """A router that hears one peer, and what of the good frames it has not understood yet."""
+
+    def __init__(self, peer: Peer) -> None:
+        self.router = Router([1], streams={STREAM.transport})
+        self.peer = peer
+        self.expected: deque[bytes] = deque()
+        self.missed = 0
+        self.busy_s = 0.0
+
+    def hear(self, data: bytes, now: float) -> None:
+        started_s = time.perf_counter()
+        frames = self.router.receive(data, self.peer, now)
+        self.router.advance(now)
+        self.router.take_outgoing()
+        self.router.take_events()
+        self.busy_s += time.perf_counter() - started_s
+        for frame in frames:
+            if frame.raw in self.expected:
+                while self.expected.popleft() != frame.raw:
+                    self.missed += 1
+
+
+def resident_bytes() -> int:
+    gc.collect()
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def say(line: str) -> None:
+    sys.stdout.write(line + "\n")
+    sys.stdout.flush()
+
+
+def main(frames: int = 1_000_000, seed: int = 0) -> int:
+    rng = Random(seed)
+    datagrams, stream = Ear(DATAGRAMS), Ear(STREAM)
+    uncut, good, before = bytearray(), 0, 0
+    for number, (raw, is_good) in enumerate(noise(rng, frames)):
+        now = number * FRAME_PERIOD_S
+        if is_good:
+            good += 1
+            datagrams.expected.append(raw)
+            stream.expected.append(raw)
+        datagrams.hear(raw, now)
+        datagrams.missed += len(datagrams.expected)
+        datagrams.expected.clear()
+        uncut += raw
+        if len(uncut) > STREAM_CHUNK_BYTES:
+            for piece in pieces(rng, bytes(uncut)):
+                stream.hear(piece, now)
+            uncut.clear()
+        if number == frames // 5:
+            before = resident_bytes()
+    for piece in pieces(rng, bytes(uncut) + bytes(600)):
+        stream.hear(piece, frames * FRAME_PERIOD_S)
+    grown = resident_bytes() - before
+    missed = datagrams.missed + stream.missed + len(stream.expected)
+    say(f"{frames} frames, {good} of them good, seed {seed}")
+    for name, ear in (("datagrams", datagrams), ("stream", stream)):
+        counters = ear.router.counters
+        say(
+            f"{name}: {ear.missed + len(ear.expected)} good frames missed, {counters.bad_frames} bad beginnings,"
+            f" {counters.unknown_messages} unknown ids, {ear.busy_s / frames * 1e6:.0f} us a frame"
+        )
+    say(f"memory grew by {grown / MEGABYTE:.2f} MB after the first fifth")
+    return int(missed > 0 or grown > MEGABYTE)
+
+
+if __name__ == "__main__":
+    sys.exit(main(*(int(argument) for argument in sys.argv[1:])))
