@@ -6,6 +6,7 @@ applied, and an order after that.
 """
 
 import asyncio
+import contextlib
 import logging
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
@@ -230,10 +231,10 @@ class Mission:
                     log.exception("the mission stands still until its journal can be written")
                 self.link.keep_alive()
                 self._changed.clear()
-                try:
-                    await asyncio.wait_for(self._changed.wait(), _TICK_S)
-                except TimeoutError:
-                    continue
+                # not wait_for: of a timeout and a cancellation at once it keeps the timeout (before Python 3.12)
+                with contextlib.suppress(TimeoutError):
+                    async with asyncio.timeout(_TICK_S):
+                        await self._changed.wait()
 
     def _advance(self, tasks: asyncio.TaskGroup) -> None:
         now_s = self.clock()

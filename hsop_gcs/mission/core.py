@@ -17,8 +17,8 @@ from hsop_gcs.assignment import Mover
 from hsop_gcs.detections import DetectionRules, Ray, Refused, Watch, assimilate, let_go
 from hsop_gcs.detections import Verdict as RayVerdict
 from hsop_gcs.link.events import Event, OrderEvent
-from hsop_gcs.mission.dispatch import OrderProgress, progressed
-from hsop_gcs.mission.pipeline import Decision, PlanningRules, Sigma, Situation
+from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus, progressed
+from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation
 from hsop_gcs.mission.state import (
     Autonomy,
     Plans,
@@ -166,7 +166,7 @@ def apply(mission: MissionState, given: Input) -> MissionState:
     """Return the mission after an input."""
     match given:
         case MissionStarted(rules=rules):
-            return replace(mission, rules=rules, autonomy=rules.autonomy)
+            return _started(mission, rules)
         case ReportsArrived():
             return take_reports(mission, given)[0]
         case RaysArrived():
@@ -248,12 +248,24 @@ def situation(mission: MissionState, movers: tuple[Mover, ...], now_s: float) ->
             )
             for track in tracks
         ),
-        sigmas=tuple(
-            Sigma(position_m=track.sigma_m, velocity_mps=track.velocity_sigma_mps if track.velocity_known else 0.0)
-            for track in tracks
-        ),
         movers=movers,
         flying=None if flying is None else flying.decision.placement,
+    )
+
+
+def _started(mission: MissionState, rules: Rules) -> MissionState:
+    """A service that starts again watches over no order that was sent before: hosts hover, and a new plan is due."""
+    left = {
+        host: replace(progress, status=OrderStatus.SUPERSEDED, note="the service was started again")
+        for host, progress in mission.progress.items()
+    }
+    return replace(
+        mission,
+        rules=rules,
+        autonomy=rules.autonomy,
+        plans=Plans(made=mission.plans.made),
+        progress=MappingProxyType(left),
+        asked=None,
     )
 
 
@@ -269,7 +281,6 @@ def _with_decision(mission: MissionState, given: DecisionMade) -> MissionState:
     plans = with_decision(
         mission.plans,
         given.decision,
-        asked=mission.asked.situation,
         trigger=mission.asked.trigger,
         now_s=given.time_s,
         horizon_s=horizon_s,

@@ -9,11 +9,11 @@
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from hsop_gcs.mission.pipeline import Decision, Sigma, Situation
+from hsop_gcs.mission.pipeline import Decision
 from hsop_gcs.tracks import Track, TrackStatus
 
 
@@ -38,9 +38,6 @@ class Plan:
     """End of its window: the prediction it was made for reaches no further."""
     trigger: str
     """Why it was made."""
-    asked_at_s: float
-    sigmas: Mapping[str, Sigma]
-    """How sure the threats' states were when it was asked for."""
     decision: Decision
 
 
@@ -50,9 +47,7 @@ class ReplanRules:
 
     horizon_s: float = 10.0
     departure_m: float = 5.0
-    """A threat this far from its prediction has departed from it, on top of what was and is uncertain."""
-    sharpened: float = 0.25
-    """A plan made for coarse tracks is made again when one is known so much better."""
+    """A threat has departed from its prediction if it surely is, or will be when the plan ends, farther from it."""
     retry_s: float = 2.0
     """Between attempts while no plan can be made."""
     velocity_wait_s: float = 1.5
@@ -105,14 +100,12 @@ def replan_reason(
         if threat_id not in {track.id for track in tracks}:
             return f"threat {threat_id} left"
     for track in tracks:
-        expected = planned[track.id].predicted_m(track.time_s - newest.decision.window_start_s)
-        departed_m = math.dist(expected, track.position_m)
-        sigma = newest.sigmas[track.id]
-        doubt_m = math.hypot(track.sigma_m, sigma.after(track.time_s - newest.asked_at_s))
-        if departed_m > rules.departure_m + 3 * doubt_m:
-            return f"threat {track.id} is {departed_m:.0f} m from its prediction"
-        if sigma.position_m > rules.departure_m / 2 and track.sigma_m < rules.sharpened * sigma.position_m:
-            return f"threat {track.id} is known to {track.sigma_m:.1f} m now, {sigma.position_m:.1f} m before"
+        for at_s, verb in ((track.time_s, "is"), (newest.expires_at_s, "will be")):
+            predicted_m = planned[track.id].predicted_m(at_s - newest.decision.window_start_s)
+            departed_m = math.dist(predicted_m, track.position_at(at_s))
+            doubt_m = math.hypot(track.sigma_m, track.velocity_sigma_mps * (at_s - track.time_s))
+            if departed_m > rules.departure_m + 3 * doubt_m:
+                return f"threat {track.id} {verb} {departed_m:.0f} m from its prediction"
     for order in newest.decision.orders:
         if order.host not in available:
             return f"host {order.host} is not available any more"
@@ -121,9 +114,7 @@ def replan_reason(
     return None
 
 
-def with_decision(
-    plans: Plans, decision: Decision, *, asked: Situation, trigger: str, now_s: float, horizon_s: float
-) -> Plans:
+def with_decision(plans: Plans, decision: Decision, *, trigger: str, now_s: float, horizon_s: float) -> Plans:
     """Return the plans after a decision: a new proposal, the flying plan for longer, or a failure to show."""
     made = plans.made + 1
     plan = Plan(
@@ -131,8 +122,6 @@ def with_decision(
         made_at_s=now_s,
         expires_at_s=decision.window_start_s + horizon_s,
         trigger=trigger,
-        asked_at_s=asked.now_s,
-        sigmas={threat.id: sigma for threat, sigma in zip(asked.threats, asked.sigmas, strict=True)},
         decision=decision,
     )
     if decision.keeps and plans.flying is not None:
