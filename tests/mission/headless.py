@@ -177,7 +177,7 @@ async def _cameras(flight: Flight, mission: Mission, fleet: SimulatedFleet, watc
         seen: list[Detection] = []
         seen_by: dict[str, set[str]] = {state.id: set() for state in truth}
         for state in truth:
-            images = look(viewers, [state], mission.fleet.rig, EPOCH_S + due_s, rng)
+            images = look(viewers, [state], EPOCH_S + due_s, rng)
             seen_by[state.id] = {image.host for image in images}
             seen += images
         await sleep_until(due_s + flight.latency_s)
