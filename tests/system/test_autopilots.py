@@ -1,0 +1,215 @@
+"""Real ArduCopter and PX4 vehicles, flown by the service as its users run it.
+
+Skipped unless HSOP_ARDUCOPTER_BIN or HSOP_PX4_BIN names a SITL binary; see docs/autopilots.md.
+"""
+
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx2
+import numpy as np
+import pytest
+
+from tests.service import report, wait_until
+from tests.system.autopilots import ARDUCOPTER, FRAME, ORIGIN, PX4, RealVehicle, real_vehicles
+
+pytestmark = [
+    pytest.mark.autopilot,
+    pytest.mark.timeout(1200),
+    pytest.mark.skipif(
+        not (ARDUCOPTER or PX4), reason="HSOP_ARDUCOPTER_BIN and HSOP_PX4_BIN are not set: no autopilot to fly"
+    ),
+]
+
+Json = dict[str, Any]
+HOVER_M, HEADING_DEG, GIMBAL_DEG = 0.5, 2.0, 1.0
+SETTLED_FOR_S = 5.0
+READY_S, FLIGHT_S = 180.0, 180.0
+TAKE_OFF_M = 20.0
+
+
+@contextmanager
+def serving(vehicles: Iterable[RealVehicle], folder: Path) -> Iterator[httpx2.Client]:
+    """Run ``hsop-gcs serve`` for these vehicles and yield a client of it."""
+    config, log = folder / "FLEET.toml", folder / "service.txt"
+    lines = [
+        "[site]",
+        f"origin = {{ lat_deg = {ORIGIN.lat_deg}, lon_deg = {ORIGIN.lon_deg}, "
+        f"altitude_amsl_m = {ORIGIN.altitude_amsl_m} }}",
+        '[service]\nport = 0\nautonomy = "auto"',
+        '[planning]\nhosts = "all"\nhorizon_s = 20.0',
+        "[limits]\nfloor_m = 10.0\nceiling_m = 100.0",
+    ]
+    for vehicle in vehicles:
+        lines.append(f'[[hosts]]\nid = "{vehicle.id}"\nsystem_id = {vehicle.system_id}')
+        lines.append(f'connection = "udpin:127.0.0.1:{vehicle.port}"')
+    config.write_text("\n".join(lines))
+    with log.open("wb") as file:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "hsop_gcs", "serve", "--config", str(config)], stdout=file, stderr=file
+        )
+    try:
+        said = wait_until(lambda: [line for line in log.read_text().splitlines() if " at http://" in line])
+        address = said[0].split(" at ")[1].split()[0]
+        with httpx2.Client(base_url=address, timeout=20) as client:
+            yield client
+    finally:
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=30) == 0, log.read_text()[-2000:]
+
+
+class Radar(threading.Thread):
+    """Reports its threats once a second, at rest where they are put."""
+
+    def __init__(self, client: httpx2.Client) -> None:
+        super().__init__(daemon=True)
+        self.threats_m: dict[str, tuple[float, float, float]] = {}
+        self._url = f"{client.base_url}/api/v1/reports"
+        self._stop = threading.Event()
+
+    def run(self) -> None:
+        with httpx2.Client(timeout=20) as client:
+            while not self._stop.wait(1.0):
+                reports = [self._report(name, at_m) for name, at_m in list(self.threats_m.items())]
+                if reports:
+                    client.post(self._url, json=reports)
+
+    def stop(self) -> None:
+        self._stop.set()
+        self.join()
+
+    @staticmethod
+    def _report(name: str, at_m: tuple[float, float, float]) -> Json:
+        place = FRAME.to_geodetic(np.array(at_m))
+        position = {
+            "lat_deg": place.lat_deg,
+            "lon_deg": place.lon_deg,
+            "altitude_m": place.altitude_amsl_m,
+            "altitude_datum": "amsl",
+        }
+        return report(name, position=position, velocity={"east_mps": 0.0, "north_mps": 0.0, "up_mps": 0.0})
+
+
+def hosts_of(client: httpx2.Client) -> dict[str, Json]:
+    return {host["id"]: host for host in client.get("/api/v1/hosts").raise_for_status().json()}
+
+
+def flying_plan(client: httpx2.Client, differs_from: str | None) -> Callable[[], Json | None]:
+    def look() -> Json | None:
+        plan: Json | None = client.get("/api/v1/plan").raise_for_status().json()["flying"]
+        return plan if plan is not None and plan["id"] != differs_from else None
+
+    return look
+
+
+def settled(client: httpx2.Client, wanted: set[str], what: str) -> str:
+    """Wait until every wanted host has been on its newest order for a while; print the worst seen then, return the plan.
+
+    On it means: within the hover, heading and gimbal tolerances, by what the vehicles themselves report.
+    """
+    started = time.monotonic()
+    since: float | None = None
+    worst: dict[str, list[float]] = {}
+    plan_id = ""
+
+    def look() -> bool:
+        nonlocal since, plan_id
+        hosts = hosts_of(client)
+        flying = client.get("/api/v1/plan").json()["flying"]
+        errors = {name: _errors(hosts[name], flying) for name in wanted}
+        inside = all(_inside(each) for each in errors.values())
+        now = time.monotonic()
+        if not inside or (flying is not None and flying["id"] != plan_id):
+            since, plan_id = None, "" if flying is None else flying["id"]
+            worst.clear()
+            return False
+        since = now if since is None else since
+        for name, each in errors.items():
+            assert each is not None
+            seen = worst.setdefault(name, [0.0, 0.0, 0.0])
+            worst[name] = [max(one, abs(other)) for one, other in zip(seen, each, strict=True)]
+        return now - since >= SETTLED_FOR_S
+
+    try:
+        wait_until(look, limit_s=FLIGHT_S)
+    except AssertionError:
+        shown = {name: (host["mode"], host["order"], host["last_text"]) for name, host in hosts_of(client).items()}
+        raise AssertionError(f"{what}: not settled: {shown}") from None
+    print(f"\n{what}: {plan_id} settled {time.monotonic() - started - SETTLED_FOR_S:.0f} s after it flew")  # noqa: T201
+    for name, (hover_m, heading_deg, gimbal_deg) in sorted(worst.items()):
+        print(f"  {name}: hover {hover_m:.2f} m, heading {heading_deg:.2f}°, gimbal {gimbal_deg:.2f}°")  # noqa: T201
+    return plan_id
+
+
+def _errors(host: Json, flying: Json | None) -> tuple[float, float, float] | None:
+    order = host["order"]
+    if flying is None or order is None or order["plan_id"] != flying["id"] or order["status"] != "on station":
+        return None
+    return order["hover_error_m"], order["heading_error_deg"], order["gimbal_error_deg"]
+
+
+def _inside(errors: tuple[float, float, float] | None) -> bool:
+    if errors is None or None in errors:
+        return False
+    hover_m, heading_deg, gimbal_deg = errors
+    return hover_m <= HOVER_M and abs(heading_deg) <= HEADING_DEG and gimbal_deg <= GIMBAL_DEG
+
+
+def test_real_autopilots_take_off_hover_where_planned_are_replanned_and_lose_one(tmp_path: Path) -> None:
+    arducopters = 3 if ARDUCOPTER else 0
+    px4s = 0 if not PX4 else 2 if ARDUCOPTER else 3
+    with (
+        real_vehicles(tmp_path, arducopters=arducopters, px4s=px4s) as vehicles,
+        serving(vehicles, tmp_path) as client,
+    ):
+        everybody = {vehicle.id for vehicle in vehicles}
+        wait_until(
+            lambda: all(host["link_up"] and host["position"] for host in hosts_of(client).values()), limit_s=READY_S
+        )
+        client.post("/api/v1/hosts/take-off", json={"altitude_m": TAKE_OFF_M}).raise_for_status()
+        wait_until(lambda: client.get("/api/v1/health").json()["hosts_available"] == len(vehicles), limit_s=READY_S)
+
+        def up() -> bool:
+            events = client.get("/api/v1/events").json()
+            failed = [event for event in events if event["kind"] == "OrderFailed"]
+            assert not failed, failed
+            return {event["host"] for event in events if event["kind"] == "TookOff"} == everybody
+
+        wait_until(up, limit_s=READY_S)
+
+        radar = Radar(client)
+        radar.start()
+        try:
+            radar.threats_m["t1"] = (20.0, 90.0, 45.0)
+            wait_until(flying_plan(client, None))
+            plan_id = settled(client, everybody, "first plan")
+
+            radar.threats_m["t2"] = (-60.0, 60.0, 50.0)
+            wait_until(flying_plan(client, plan_id))
+            plan_id = settled(client, everybody, "a second threat")
+
+            radar.threats_m["t1"] = (60.0, 60.0, 45.0)
+            wait_until(flying_plan(client, plan_id))
+            plan_id = settled(client, everybody, "a threat elsewhere")
+
+            radar.threats_m["t2"] = (0.0, -80.0, 50.0)
+            plan = wait_until(flying_plan(client, plan_id))
+            lost = vehicles[-1]
+            wait_until(lambda: hosts_of(client)[lost.id]["order"]["status"] == "accepted")
+            lost.kill()
+            wait_until(flying_plan(client, plan["id"]), limit_s=FLIGHT_S)
+            settled(client, everybody - {lost.id}, f"a third change, {lost.id} killed on the way")
+            assert not hosts_of(client)[lost.id]["available"]
+        finally:
+            radar.stop()
+
+        client.post("/api/v1/hosts/hold", json={}).raise_for_status()
+        left = everybody - {lost.id}
+        wait_until(lambda: all(hosts_of(client)[name]["mode"] in ("Brake", "Hold") for name in left))
