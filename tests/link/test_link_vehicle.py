@@ -487,6 +487,25 @@ def test_an_ardupilot_that_is_not_ready_is_asked_to_arm_until_it_is() -> None:
     assert message == CommandLong(target_system=1, target_component=1, command=MavCmd.NAV_TAKEOFF, param7=15.0)
 
 
+def test_a_take_off_ordered_as_soon_as_the_link_is_up_waits_for_what_it_must_know() -> None:
+    ends = TwoEnds("ardupilot", airborne_m=0.0)
+    ends.until(lambda: ends.vehicle.state.link_up)
+    assert ends.vehicle.state.in_air is None
+    ends.vehicle.take_off(15.0, ends.now)
+    ends.until(lambda: ends.saw(TookOff))
+    assert not ends.saw(OrderFailed)
+
+
+def test_a_take_off_of_a_vehicle_that_turns_out_to_fly_is_refused() -> None:
+    ends = TwoEnds("ardupilot")
+    ends.until(lambda: ends.vehicle.state.link_up)
+    assert ends.vehicle.state.in_air is None
+    ends.vehicle.take_off(15.0, ends.now)
+    ends.run(5.0)
+    assert ends.of(OrderFailed) == [OrderFailed(system=1, order_id="take off", reason="the vehicle is in the air")]
+    assert ends.sent(MavCmd.COMPONENT_ARM_DISARM) == []
+
+
 def test_px4_is_told_the_altitude_above_the_sea() -> None:
     ends = TwoEnds("px4", airborne_m=0.0)
     ends.until(lambda: ends.vehicle.state.home is not None and ends.vehicle.state.in_air is False)

@@ -72,17 +72,17 @@ class Radar(threading.Thread):
         super().__init__(daemon=True)
         self.threats_m: dict[str, tuple[float, float, float]] = {}
         self._url = f"{client.base_url}/api/v1/reports"
-        self._stop = threading.Event()
+        self._ended = threading.Event()
 
     def run(self) -> None:
         with httpx2.Client(timeout=20) as client:
-            while not self._stop.wait(1.0):
+            while not self._ended.wait(1.0):
                 reports = [self._report(name, at_m) for name, at_m in list(self.threats_m.items())]
                 if reports:
                     client.post(self._url, json=reports)
 
     def stop(self) -> None:
-        self._stop.set()
+        self._ended.set()
         self.join()
 
     @staticmethod
@@ -174,7 +174,6 @@ def test_real_autopilots_take_off_hover_where_planned_are_replanned_and_lose_one
             lambda: all(host["link_up"] and host["position"] for host in hosts_of(client).values()), limit_s=READY_S
         )
         client.post("/api/v1/hosts/take-off", json={"altitude_m": TAKE_OFF_M}).raise_for_status()
-        wait_until(lambda: client.get("/api/v1/health").json()["hosts_available"] == len(vehicles), limit_s=READY_S)
 
         def up() -> bool:
             events = client.get("/api/v1/events").json()
@@ -183,6 +182,7 @@ def test_real_autopilots_take_off_hover_where_planned_are_replanned_and_lose_one
             return {event["host"] for event in events if event["kind"] == "TookOff"} == everybody
 
         wait_until(up, limit_s=READY_S)
+        wait_until(lambda: client.get("/api/v1/health").json()["hosts_available"] == len(vehicles))
 
         radar = Radar(client)
         radar.start()

@@ -5,6 +5,8 @@
      │                                └──┘ not ready yet, up to a minute  └─┘ seen still on ground   │
      └──failed: refused for good, too long, disarmed again───────────────────────────────────────────┘
 
+Nothing is sent before the vehicle is known to stand on the ground and its home is known, which may take as long as
+its position.
 Arming and take-off are each sent once: a second copy that arrives late could arm a vehicle that has landed. Whether to
 order again is decided from telemetry.
 """
@@ -23,6 +25,7 @@ from hsop_gcs.link.protocol.telemetry import Telemetry
 READY_WITHIN_S = 60.0
 """An ArduPilot needs about 40 s from power-up to a position estimate."""
 _AGAIN_AFTER_S = 3.0
+_LOOK_AGAIN_AFTER_S = 0.5
 _TAKE_OFF_TRIES = 3
 _REACHED_WITHIN_M = 1.0
 _SLOWEST_CLIMB_MPS = 0.7
@@ -113,7 +116,11 @@ class TakeOff:
         if now >= self._give_up_at:
             self._fail(f"{self._step.value} took too long" + (f": {self._refusal}" if self._refusal else ""))
         elif self._ticket is None and now >= self._next_at and self._step is not _Step.CLIMBING:
-            self._command(now)
+            unknown = self._unknown()
+            if unknown is None:
+                self._command(now)
+            else:
+                self._refusal, self._next_at = unknown, now + _LOOK_AGAIN_AFTER_S
 
     def take_outgoing(self) -> list[Message]:
         """Everything goes through the command sender."""
@@ -136,17 +143,23 @@ class TakeOff:
             return f"no orders are given to an autopilot of kind {state.autopilot}"
         if not altitude_above_home_m > 0 or not math.isfinite(altitude_above_home_m):
             return f"{altitude_above_home_m} m is no altitude to take off to"
-        if state.in_air is not False:
-            return (
-                "the vehicle is not known to be on the ground" if state.in_air is None else "the vehicle is in the air"
-            )
-        if state.home is None:
-            return "the vehicle's home is not known"
-        return None
+        return "the vehicle is in the air" if state.in_air else None
+
+    def _unknown(self) -> str | None:
+        """Return what must be known before anything is sent and is not."""
+        state = self._telemetry.state
+        if state.in_air is None:
+            return "the vehicle is not known to be on the ground"
+        return "the vehicle's home is not known" if state.home is None else None
 
     def _look(self, now: float) -> None:
         """Believe telemetry more than lost acknowledgements."""
         state = self._telemetry.state
+        if state.in_air is None:
+            return
+        if state.in_air and self._step in (_Step.SETTING_MODE, _Step.ARMING):
+            self._fail("the vehicle is in the air")
+            return
         achieved = {
             _Step.SETTING_MODE: self._in_take_off_mode(),
             _Step.ARMING: bool(state.armed),
