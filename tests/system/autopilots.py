@@ -59,8 +59,8 @@ def _home(number: int) -> GeodeticPoint:
 
 def _arducopter(folder: Path, number: int, home: GeodeticPoint) -> RealVehicle:
     port, system_id = free_udp_port(), 11 + number
-    parameters = ",".join(str(CONFIGS / "ardupilot" / f"{name}.parm") for name in ("sitl", "link", "failsafe", "gimbal"))
-    command = [ARDUCOPTER, "--model", "+", "--speedup", "1", "--defaults", parameters]
+    files = [str(CONFIGS / "ardupilot" / f"{name}.parm") for name in ("sitl", "link", "failsafe", "gimbal")]
+    command = [ARDUCOPTER, "--model", "+", "--speedup", "1", "--defaults", ",".join(files)]
     command += ["--home", f"{home.lat_deg:.7f},{home.lon_deg:.7f},{home.altitude_amsl_m},0"]
     command += ["--instance", str(number), "--sysid", str(system_id)]
     command += ["--serial0", "none", "--serial1", f"udpclient:127.0.0.1:{port}"]

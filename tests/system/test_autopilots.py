@@ -109,10 +109,11 @@ def flying_plan(client: httpx2.Client, differs_from: str | None) -> Callable[[],
     return look
 
 
-def settled(client: httpx2.Client, wanted: set[str], what: str) -> str:
-    """Wait until every wanted host has been on its newest order for a while; print the worst seen then, return the plan.
+def settled(client: httpx2.Client, what: str) -> tuple[str, set[str]]:
+    """Wait until every host of the flying plan has been on its order for a while; return the plan's id and the hosts.
 
-    On it means: within the hover, heading and gimbal tolerances, by what the vehicles themselves report.
+    On it means: within the hover, heading and gimbal tolerances, by what the vehicles themselves report. The worst seen
+    in that time is printed.
     """
     started = time.monotonic()
     since: float | None = None
@@ -121,13 +122,14 @@ def settled(client: httpx2.Client, wanted: set[str], what: str) -> str:
 
     def look() -> bool:
         nonlocal since, plan_id
-        hosts = hosts_of(client)
         flying = client.get("/api/v1/plan").json()["flying"]
-        errors = {name: _errors(hosts[name], flying) for name in wanted}
-        inside = all(_inside(each) for each in errors.values())
+        if flying is None:
+            return False
+        hosts = hosts_of(client)
+        errors = {order["host"]: _errors(hosts[order["host"]], flying["id"]) for order in flying["orders"]}
         now = time.monotonic()
-        if not inside or (flying is not None and flying["id"] != plan_id):
-            since, plan_id = None, "" if flying is None else flying["id"]
+        if not all(_inside(each) for each in errors.values()) or flying["id"] != plan_id:
+            since, plan_id = None, flying["id"]
             worst.clear()
             return False
         since = now if since is None else since
@@ -142,21 +144,27 @@ def settled(client: httpx2.Client, wanted: set[str], what: str) -> str:
     except AssertionError:
         shown = {name: (host["mode"], host["order"], host["last_text"]) for name, host in hosts_of(client).items()}
         raise AssertionError(f"{what}: not settled: {shown}") from None
-    print(f"\n{what}: {plan_id} settled {time.monotonic() - started - SETTLED_FOR_S:.0f} s after it flew")  # noqa: T201
+    print(f"\n{what}: {plan_id} settled after {time.monotonic() - started - SETTLED_FOR_S:.0f} s")  # noqa: T201
     for name, (hover_m, heading_deg, gimbal_deg) in sorted(worst.items()):
         print(f"  {name}: hover {hover_m:.2f} m, heading {heading_deg:.2f}°, gimbal {gimbal_deg:.2f}°")  # noqa: T201
-    return plan_id
+    return plan_id, set(worst)
 
 
-def _errors(host: Json, flying: Json | None) -> tuple[float, float, float] | None:
+Errors = tuple[float, float, float]
+
+
+def _errors(host: Json, plan_id: str) -> Errors | None:
+    """Hover (m), heading and gimbal (degrees) of a host on station; 0 for a gimbal that is to look at nothing."""
     order = host["order"]
-    if flying is None or order is None or order["plan_id"] != flying["id"] or order["status"] != "on station":
+    if order is None or order["plan_id"] != plan_id or order["status"] != "on station":
         return None
-    return order["hover_error_m"], order["heading_error_deg"], order["gimbal_error_deg"]
+    gimbal_deg = 0.0 if order["aim"] is None else order["gimbal_error_deg"]
+    errors = (order["hover_error_m"], order["heading_error_deg"], gimbal_deg)
+    return None if None in errors else errors
 
 
-def _inside(errors: tuple[float, float, float] | None) -> bool:
-    if errors is None or None in errors:
+def _inside(errors: Errors | None) -> bool:
+    if errors is None:
         return False
     hover_m, heading_deg, gimbal_deg = errors
     return hover_m <= HOVER_M and abs(heading_deg) <= HEADING_DEG and gimbal_deg <= GIMBAL_DEG
@@ -187,25 +195,29 @@ def test_real_autopilots_take_off_hover_where_planned_are_replanned_and_lose_one
         radar = Radar(client)
         radar.start()
         try:
-            radar.threats_m["t1"] = (20.0, 90.0, 45.0)
+            radar.threats_m |= {"t1": (20.0, 90.0, 45.0), "t2": (-70.0, 20.0, 50.0)}
             wait_until(flying_plan(client, None))
-            plan_id = settled(client, everybody, "first plan")
+            plan_id, been_on_station = settled(client, "two threats")
 
-            radar.threats_m["t2"] = (-60.0, 60.0, 50.0)
+            radar.threats_m["t3"] = (40.0, -80.0, 40.0)
             wait_until(flying_plan(client, plan_id))
-            plan_id = settled(client, everybody, "a second threat")
+            plan_id, hosts = settled(client, "a third one")
+            been_on_station |= hosts
 
-            radar.threats_m["t1"] = (60.0, 60.0, 45.0)
+            radar.threats_m["t1"] = (70.0, 60.0, 45.0)
             wait_until(flying_plan(client, plan_id))
-            plan_id = settled(client, everybody, "a threat elsewhere")
+            plan_id, hosts = settled(client, "the first one elsewhere")
+            been_on_station |= hosts
+            assert been_on_station == everybody
 
-            radar.threats_m["t2"] = (0.0, -80.0, 50.0)
+            radar.threats_m["t2"] = (-80.0, -30.0, 50.0)
             plan = wait_until(flying_plan(client, plan_id))
-            lost = vehicles[-1]
+            lost = next(vehicle for vehicle in vehicles if vehicle.id == plan["orders"][0]["host"])
             wait_until(lambda: hosts_of(client)[lost.id]["order"]["status"] == "accepted")
             lost.kill()
             wait_until(flying_plan(client, plan["id"]), limit_s=FLIGHT_S)
-            settled(client, everybody - {lost.id}, f"a third change, {lost.id} killed on the way")
+            _, hosts = settled(client, f"the second one elsewhere, and {lost.id} killed on the way there")
+            assert hosts <= everybody - {lost.id}
             assert not hosts_of(client)[lost.id]["available"]
         finally:
             radar.stop()
