@@ -45,11 +45,13 @@ def real_vehicles(folder: Path, *, arducopters: int, px4s: int) -> Iterator[list
     """Run that many autopilots in a row east of the origin; they end with the block."""
     started: list[RealVehicle] = []
     with ExitStack() as stack:
-        stack.callback(lambda: [vehicle.kill() for vehicle in started])
-        for number in range(arducopters):
-            started.append(_arducopter(folder / f"arducopter-{number}", number, _home(len(started))))
-        for number in range(px4s):
-            started.append(_px4(folder / f"px4-{number}", number, _home(len(started))))
+        for number in range(arducopters + px4s):
+            if number < arducopters:
+                vehicle = _arducopter(folder / f"arducopter-{number}", number, _home(number))
+            else:
+                vehicle = _px4(folder / f"px4-{number}", number - arducopters, _home(number))
+            stack.callback(vehicle.kill)
+            started.append(vehicle)
         yield started
 
 

@@ -56,13 +56,20 @@ def serving(vehicles: Iterable[RealVehicle], folder: Path) -> Iterator[httpx2.Cl
             [sys.executable, "-m", "hsop_gcs", "serve", "--config", str(config)], stdout=file, stderr=file
         )
     try:
-        said = wait_until(lambda: [line for line in log.read_text().splitlines() if " at http://" in line])
+        said = wait_until(
+            lambda: [line for line in log.read_text().splitlines() if " at http://" in line], limit_s=READY_S
+        )
         address = said[0].split(" at ")[1].split()[0]
         with httpx2.Client(base_url=address, timeout=20) as client:
             yield client
     finally:
         process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=30) == 0, log.read_text()[-2000:]
+        try:
+            process.wait(timeout=60)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+    assert process.returncode == 0, log.read_text()[-2000:]
 
 
 class Radar(threading.Thread):
