@@ -229,6 +229,9 @@ class RigSection(_Section):
     calibration: CalibrationFile | None = None
     """Of the fisheyes: takes the place of all that ``peripheral`` says but ``min_pixels``."""
     central: CentralSection | None = None
+    tilt_deg: tuple[Finite, Finite] | None = None
+    pan_deg: tuple[Finite, Finite] | None = None
+    """How far the central camera's gimbal tilts, and pans from the heading; None: as far as one can."""
 
     @model_validator(mode="after")
     def _some_camera(self) -> Self:
@@ -249,7 +252,12 @@ class RigSection(_Section):
         elif self.peripheral is not None:
             lens = FisheyeCamera(**self.peripheral.model_dump())
         central = otherwise.central if self.central is None else PinholeCamera(**self.central.model_dump())
-        return CameraRig(peripheral=lens, central=central)
+        return CameraRig(
+            peripheral=lens,
+            central=central,
+            tilt_deg=self.tilt_deg or otherwise.tilt_deg,
+            pan_deg=self.pan_deg or otherwise.pan_deg,
+        )
 
 
 def _connection(text: str) -> str:

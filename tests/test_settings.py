@@ -176,8 +176,9 @@ RIGS = """
 [rig.central]
 fov_deg = 60.0
 
-[rigs.sharp.central]
-resolution_px = 1920
+[rigs.sharp]
+tilt_deg = [-90.0, 25.0]
+central = { resolution_px = 1920 }
 
 [rigs.measured]
 calibration = "lens.json"
@@ -203,12 +204,13 @@ def test_hosts_carry_the_rigs_that_are_named_for_them(tmp_path: Path) -> None:
     assert rigs["h4"].peripheral.focal_length_px == pytest.approx(401.0)
     assert (rigs["h4"].peripheral.min_pixels, rigs["h4"].peripheral.distortion[0]) == (6.0, 0.01)
     assert rigs["h4"].central == fleet.rig.central
+    assert (rigs["h3"].tilt_deg, rigs["h4"].tilt_deg) == ((-90.0, 25.0), (-90.0, 90.0))
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("sharp.central", "blunt.central"), "host 'h3': there is no \\[rigs.sharp\\]"),
+        (("rigs.sharp", "rigs.blunt"), "host 'h3': there is no \\[rigs.sharp\\]"),
         (("lens.json", "none.json"), "rigs.measured.calibration: .*none.json: No such file"),
         (('"lens.json"', "3"), "rigs.measured.calibration: must be the name of a file"),
         (("resolution_px = 1920", "resolution_px = 0"), "rigs.sharp.central.resolution_px"),

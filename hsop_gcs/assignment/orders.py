@@ -9,8 +9,7 @@ import numpy as np
 from hsop_gcs.assignment.matching import FloatArray, assign
 from hsop_gcs.assignment.routes import Mover, safe_route
 from hsop_gcs.cameras.rig import CameraKind
-from hsop_gcs.geometry.frames import Aim, aim_at, aim_between
-from hsop_gcs.placement.holding import middle_direction
+from hsop_gcs.geometry.frames import Aim, aim_between
 from hsop_gcs.placement.problem import Formulation, Point, Threat
 from hsop_gcs.placement.solution import HoverPose, Placement
 
@@ -94,16 +93,15 @@ def order_for(
 
 
 def _central_aim(placement: Placement, pose: HoverPose, threats: list[Threat], horizon_s: float) -> Aim:
-    """The middle of what the camera is to see.
+    """Where the placement has the camera look.
 
     The letter's plane problem knows no elevations: then it is the placement's pan, and the middle of the elevations.
     """
     assert pose.pan_deg is not None
-    here = np.array(pose.position_m)
-    ends = np.array([threat.predicted_m(after_s) for threat in threats for after_s in (0.0, horizon_s)])
     if placement.formulation is Formulation.OPERATIONAL:
-        return aim_at(here, here + middle_direction(ends - here))
-    return Aim(pan_deg=pose.pan_deg % 360.0, tilt_deg=aim_between(here, ends).tilt_deg)
+        return Aim(pan_deg=pose.pan_deg, tilt_deg=pose.tilt_deg)
+    ends = np.array([threat.predicted_m(after_s) for threat in threats for after_s in (0.0, horizon_s)])
+    return Aim(pan_deg=pose.pan_deg % 360.0, tilt_deg=aim_between(np.array(pose.position_m), ends).tilt_deg)
 
 
 def _why_not(flight_m: FloatArray, placement: Placement, safety_distance_m: float) -> str:

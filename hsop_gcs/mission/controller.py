@@ -213,9 +213,8 @@ class Mission:
         seen = [name for name, camera in progress.order.views if camera is CameraKind.CENTRAL and name in tracks]
         if not seen:
             return None
-        return aim_between(
-            self.site.frame.to_enu(position), np.array([tracks[name].position_at(at_s) for name in seen])
-        )
+        aim = aim_between(self.site.frame.to_enu(position), np.array([tracks[name].position_at(at_s) for name in seen]))
+        return (host.rig or self.fleet.rig).nearest_aim(aim, progress.order.heading_deg)
 
     # What time brings
 

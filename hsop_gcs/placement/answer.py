@@ -9,6 +9,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
 from hsop_gcs.cameras.rig import CameraKind, CameraRig
+from hsop_gcs.geometry.frames import Aim
 from hsop_gcs.placement.feasibility import CENTRAL, PERIPHERAL
 from hsop_gcs.placement.fusion import with_more_views
 from hsop_gcs.placement.hsop import Choice
@@ -37,6 +38,23 @@ def names_of(problem: Problem, positions_m: FloatArray, rigs: Sequence[CameraRig
 def compass_deg(angle_rad: float) -> float:
     """Return a compass angle as degrees in [0, 360); rounding just below north must not give 360."""
     return math.degrees(angle_rad) % 360.0 % 360.0
+
+
+def hover_pose(host: str, position_m: FloatArray, heading_deg: float, rig: CameraRig, aim: Aim | None) -> HoverPose:
+    """Return a pose whose aim the gimbal can give: either end of the fisheye axis may be the nose."""
+    if aim is not None:
+        behind_deg = (heading_deg + 180.0) % 360.0
+        if rig.gimbal_room_deg(aim, heading_deg) < min(0.0, rig.gimbal_room_deg(aim, behind_deg)):
+            heading_deg = behind_deg
+        aim = rig.nearest_aim(aim, heading_deg)
+    east, north, up = (float(value) for value in position_m)
+    return HoverPose(
+        host=host,
+        position_m=(east, north, up),
+        heading_deg=heading_deg,
+        pan_deg=None if aim is None else aim.pan_deg,
+        tilt_deg=0.0 if aim is None else aim.tilt_deg,
+    )
 
 
 def valued(problem: Problem, hosts: Sequence[HoverPose], views: Views, *, lower_bound: float = 0.0) -> Placement:

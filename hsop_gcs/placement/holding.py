@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hsop_gcs.cameras.rig import CameraKind
+from hsop_gcs.cameras.rig import CameraKind, CameraRig
 from hsop_gcs.geometry.frames import aim_at, aim_between
 from hsop_gcs.placement.answer import valued
 from hsop_gcs.placement.objective import FloatArray, margins, threat_points_m
@@ -24,7 +24,7 @@ def held_over(placement: Placement, problem: Problem) -> Placement | None:
     if {pair.threat for pair in placement.pairs} != {threat.id for threat in problem.threats}:
         return None
     points = {threat.id: at for threat, at in zip(problem.threats, threat_points_m(problem), strict=True)}
-    hosts = tuple(_turned(pose, placement, points) for pose in placement.hosts)
+    hosts = tuple(_turned(pose, placement, points, problem.rig_of(pose.host)) for pose in placement.hosts)
     views = {pair.threat: pair.views for pair in placement.pairs}
     if margins(problem, hosts, views).smallest < -_TOLERANCE:
         return None
@@ -32,7 +32,7 @@ def held_over(placement: Placement, problem: Problem) -> Placement | None:
     return replace(held, method=placement.method, seed=placement.seed, iterations=placement.iterations)
 
 
-def _turned(pose: HoverPose, placement: Placement, points: dict[str, tuple[Point, Point]]) -> HoverPose:
+def _turned(pose: HoverPose, placement: Placement, points: dict[str, tuple[Point, Point]], rig: CameraRig) -> HoverPose:
     seen = [
         point
         for pair in placement.pairs
@@ -47,6 +47,7 @@ def _turned(pose: HoverPose, placement: Placement, points: dict[str, tuple[Point
         aim = aim_between(here, np.array(seen))
     else:
         aim = aim_at(here, here + middle_direction(np.array(seen) - here))
+    aim = rig.nearest_aim(aim, pose.heading_deg)
     return replace(pose, pan_deg=aim.pan_deg, tilt_deg=aim.tilt_deg)
 
 

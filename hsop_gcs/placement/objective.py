@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hsop_gcs.cameras.rig import CameraKind, CameraRig
+from hsop_gcs.geometry.frames import Aim
 from hsop_gcs.placement.problem import Formulation, Problem, Threat
 from hsop_gcs.placement.solution import HoverPose, View
 
@@ -49,6 +50,8 @@ class Margins:
     fence_m: float = math.inf
     keep_out_m: float = math.inf
     altitude_m: float = math.inf
+    gimbal_deg: float = math.inf
+    """To the limits of the central cameras' gimbals."""
 
     @property
     def smallest(self) -> float:
@@ -61,6 +64,7 @@ class Margins:
             self.fence_m,
             self.keep_out_m,
             self.altitude_m,
+            self.gimbal_deg,
         )
 
     @property
@@ -246,6 +250,11 @@ def _as_formulated(problem: Problem, hosts: Sequence[HoverPose]) -> tuple[list[H
 
 def margins(problem: Problem, hosts: Sequence[HoverPose], views: Views) -> Margins:
     """Return the slack of every constraint of the problem's formulation (Eqs. 9-11; design: what we fly)."""
+    gimbal_deg = [
+        problem.rig_of(pose.host).gimbal_room_deg(Aim(pan_deg=pose.pan_deg, tilt_deg=pose.tilt_deg), pose.heading_deg)
+        for pose in hosts
+        if pose.pan_deg is not None
+    ]
     hosts, all_points, ways = _as_formulated(problem, hosts)
     poses = {pose.host: pose for pose in hosts}
     pixels, fov_deg, distance_m = [math.inf], [math.inf], [math.inf]
@@ -258,7 +267,12 @@ def margins(problem: Problem, hosts: Sequence[HoverPose], views: Views) -> Margi
                 distance_m.append(math.dist(pose.position_m, point) - problem.safety_distance_m)
                 if view.camera is CameraKind.CENTRAL:
                     fov_deg.append(eye.rig.central.fov_deg / 2 - math.degrees(angle_from_central_axis(pose, point)))
-    slack = Margins(pixels=min(pixels), fov_deg=min(fov_deg), distance_m=min(distance_m))
+    slack = Margins(
+        pixels=min(pixels),
+        fov_deg=min(fov_deg),
+        distance_m=min(distance_m),
+        gimbal_deg=min(gimbal_deg, default=math.inf),
+    )
     if problem.formulation is Formulation.LETTER:
         return slack
     places, airspace = [pose.position_m for pose in hosts], problem.airspace

@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from hsop_gcs.cameras.rig import CameraRig
 from hsop_gcs.errors import BadInput
-from hsop_gcs.placement.answer import chosen, compass_deg, names_of
+from hsop_gcs.geometry.frames import Aim
+from hsop_gcs.placement.answer import chosen, compass_deg, hover_pose, names_of
 from hsop_gcs.placement.bounds import lower_bound
 from hsop_gcs.placement.coverage_only import cover
 from hsop_gcs.placement.feasibility import members
@@ -147,6 +149,10 @@ def _check(problem: Problem, n_hosts: int | None, method: Method, *, letters_own
         raise BadInput("objective", f"{problem.objective.value!r} is not what method {method.value!r} minimises")
     if method is not Method.SEARCH and len(problem.rigs) > 1:
         raise BadInput("hosts", f"carry {len(problem.rigs)} different rigs, and method {method.value!r} knows only one")
+    if method is not Method.SEARCH and any(not _looks_around(rig) for rig in problem.rigs):
+        raise BadInput(
+            "tilt_deg", f"method {method.value!r} knows no limits of gimbals that keep it from looking around"
+        )
     if method is not Method.SEARCH and not _is_plane(problem):
         raise BadInput(
             "method", f"{method.value!r} knows only threats at one altitude, and neither fence nor keep-outs nor travel"
@@ -160,6 +166,12 @@ def _is_plane(problem: Problem) -> bool:
     up, airspace = threat_points_m(problem)[:, :, 2], problem.airspace
     limited = airspace.inside or airspace.keep_outs or problem.lead_s
     return bool(np.ptp(up) < 1e-9) and not limited and airspace.altitude_room_m(float(up.mean())) >= 0
+
+
+def _looks_around(rig: CameraRig) -> bool:
+    """Return whether a level gimbal can look to all sides, with either end of the fisheye axis as the nose."""
+    tilts, pans = rig.tilt_deg, rig.pan_deg
+    return tilts[0] <= 0 <= tilts[1] and pans[0] <= -90 and pans[1] >= 90
 
 
 def _check_target(target_error_m: float, n_hosts: int | None, method: Method) -> None:
@@ -216,14 +228,11 @@ def _hover_pose(problem: Problem, best: Best, host: int, name: str) -> HoverPose
     up = float(points[:, :, 2].mean())
     held = members(best.choice.central[host])
     by_fisheye = observed_threats(best.choice.pair_set)[host] != best.choice.central[host]
-    tilt = 0.0
+    aim = None
     if held:
         middle = points[held].reshape(-1, 3).mean(axis=0)
         tilt = math.atan2(middle[2] - up, math.dist(middle[:2], (east, north)))
-    return HoverPose(
-        host=name,
-        position_m=(east, north, up),
-        heading_deg=compass_deg(heading if by_fisheye else pan),
-        pan_deg=compass_deg(pan) if held else None,
-        tilt_deg=math.degrees(tilt),
+        aim = Aim(pan_deg=compass_deg(pan), tilt_deg=math.degrees(tilt))
+    return hover_pose(
+        name, np.array([east, north, up]), compass_deg(heading if by_fisheye else pan), problem.rigs[0], aim
     )

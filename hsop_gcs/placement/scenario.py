@@ -1,7 +1,8 @@
 """Scenario files in, plan files out (JSON; design, section 2).
 
-All hosts carry the rig of ``parameters``: ``peripheral`` and ``central``. A host may have either section of its own,
-with the same keys; a section it does not have is that of ``parameters``.
+All hosts carry the rig of ``parameters``: ``peripheral`` and ``central`` cameras, and optionally how far the central
+camera's gimbal tilts, ``tilt_deg``, and pans from the host's heading, ``pan_deg``, each [least, largest]. A host may
+have any of these of its own, with the same keys; what it does not have is that of ``parameters``.
 Nothing in a scenario is passed over: an unknown field, a wrong type and a value out of range are BadInput by name.
 """
 
@@ -22,7 +23,7 @@ from hsop_gcs.placement.solution import HoverPose, Placement, View
 FARTHEST_M = 1e6
 """Positions beyond this are no local coordinates."""
 FASTEST_MPS = 1e4
-_RIG_FIELDS = ("peripheral", "central")
+_RIG_FIELDS = ("peripheral", "central", "tilt_deg", "pan_deg")
 _CAMERA_FIELDS = ("focal_length_mm", "sensor_width_mm", "resolution_px", "min_pixels")
 
 
@@ -160,7 +161,22 @@ def _rig(given: Mapping[str, Any], field: str, otherwise: CameraRig) -> CameraRi
         rig = replace(rig, peripheral=_peripheral(given["peripheral"], f"{field}.peripheral"))
     if "central" in given:
         rig = replace(rig, central=_central(given["central"], f"{field}.central"))
+    try:
+        if "tilt_deg" in given:
+            rig = replace(rig, tilt_deg=_pair(given["tilt_deg"], f"{field}.tilt_deg"))
+        if "pan_deg" in given:
+            rig = replace(rig, pan_deg=_pair(given["pan_deg"], f"{field}.pan_deg"))
+    except BadInput as error:
+        where = error.field if error.field.startswith(field) else f"{field}.{error.field}"
+        raise BadInput(where, error.problem) from None
     return rig
+
+
+def _pair(value: Any, field: str) -> tuple[float, float]:
+    numbers = value if isinstance(value, list | tuple) else ()
+    if len(numbers) != 2:
+        raise BadInput(field, f"must be two numbers, not {_shown(value)}")
+    return _number(numbers[0], field), _number(numbers[1], field)
 
 
 def _airspace(fields: Mapping[str, Any], given: Mapping[str, Any]) -> Airspace:

@@ -41,9 +41,11 @@ THREAT = Threat(id="t1", position_m=(0.0, 0.0, 50.0))
 PLACEMENT = placement(pose("a", (0.0, -30.0, 20.0), 0.0), pose("b", (-40.0, 0.0, 50.0), 90.0))
 
 
-def ordered(movers: tuple[Mover, ...], threat: Threat = THREAT) -> tuple[HostOrder, ...] | NoSafeFlight:
+def ordered(
+    movers: tuple[Mover, ...], threat: Threat = THREAT, placed: Placement = PLACEMENT
+) -> tuple[HostOrder, ...] | NoSafeFlight:
     return orders_for(
-        PLACEMENT, movers, threats_now=(threat,), threats_then=(threat,), horizon_s=10.0, safety_distance_m=20.0
+        placed, movers, threats_now=(threat,), threats_then=(threat,), horizon_s=10.0, safety_distance_m=20.0
     )
 
 
@@ -53,14 +55,22 @@ def test_each_hover_point_goes_to_the_host_that_is_near() -> None:
     assert {order.host: order.position_m for order in orders} == {"h2": (0, -30, 20), "h1": (-40, 0, 50)}
 
 
-def test_a_host_below_its_threat_tilts_its_camera_up() -> None:
-    orders = ordered((mover("h1", -60, 0, 50), mover("h2", 0, -60, 20)))
+def test_the_letters_plane_has_no_tilts_and_a_host_below_its_threat_tilts_its_camera_up() -> None:
+    in_a_plane = replace(PLACEMENT, formulation=Formulation.LETTER)
+    orders = ordered((mover("h1", -60, 0, 50), mover("h2", 0, -60, 20)), placed=in_a_plane)
     assert not isinstance(orders, NoSafeFlight)
     aims = {order.host: order.aim for order in orders}
     assert aims["h2"] is not None
     assert (aims["h2"].pan_deg, aims["h2"].tilt_deg) == pytest.approx((0.0, 45.0))
     assert aims["h1"] is not None
     assert aims["h1"].tilt_deg == pytest.approx(0.0)
+
+
+def test_a_placement_in_space_is_aimed_as_it_says() -> None:
+    tilted = replace(PLACEMENT, hosts=tuple(replace(each, tilt_deg=-12.0) for each in PLACEMENT.hosts))
+    orders = ordered((mover("h1", -60, 0, 50), mover("h2", 0, -60, 20)), placed=tilted)
+    assert not isinstance(orders, NoSafeFlight)
+    assert [(order.aim.pan_deg, order.aim.tilt_deg) for order in orders if order.aim] == [(0.0, -12.0), (90.0, -12.0)]
 
 
 def test_a_plan_that_uses_no_central_camera_aims_none() -> None:

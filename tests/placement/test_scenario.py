@@ -69,6 +69,13 @@ def test_a_host_may_carry_cameras_of_its_own_and_the_others_carry_those_of_the_p
     assert problem.rig_of("h3").central == PinholeCamera(fov_deg=30.0)
     assert problem.rig_of("h3").peripheral == problem.rig.peripheral
     assert problem.rigs == (problem.rig, problem.rig_of("h3"))
+    limited = problem_from_json({**GOOD, "hosts": [*GOOD["hosts"], {**own, "tilt_deg": [-90, 20], "pan_deg": [-5, 5]}]})
+    assert (limited.rig_of("h3").tilt_deg, limited.rig_of("h3").pan_deg) == ((-90.0, 20.0), (-5.0, 5.0))
+    assert limited.rig_of("h3").central.fov_deg == 30.0
+    with pytest.raises(BadInput, match=r"parameters\.tilt_deg: must be two numbers from -90 to 90"):
+        problem_from_json({**GOOD, "parameters": {"tilt_deg": [-90, 120]}})
+    with pytest.raises(BadInput, match=r"hosts\[2\]\.pan_deg: must be two numbers, not 3"):
+        problem_from_json({**GOOD, "hosts": [*GOOD["hosts"], {**own, "pan_deg": 3}]})
     with pytest.raises(BadInput, match=r"hosts\[2\]\.central\.fov_deg: must lie between 0 and 180"):
         problem_from_json({**GOOD, "hosts": [*GOOD["hosts"], {**own, "central": {"fov_deg": 200}}]})
 

@@ -121,7 +121,7 @@ def refresh_host(q: Question, s: State, host: int) -> None:
     """Recompute everything a host's pose and views decide, crowding excepted."""
     for n in range(s.degree[host]):
         refresh_threat(q, s, s.incident[host, n] // 2)
-    s.window[host] = host_violation(q, s.positions, s.rigs, host, s.incident[host], s.degree[host], s.cameras)
+    s.window[host] = host_violation(q, s.positions, s.axes, s.rigs, host, s.incident[host], s.degree[host], s.cameras)
 
 
 @lean_kernel
@@ -130,7 +130,9 @@ def refresh(q: Question, s: State) -> None:
     for threat in range(s.pairs.shape[0]):
         refresh_threat(q, s, threat)
     for host in range(s.degree.shape[0]):
-        s.window[host] = host_violation(q, s.positions, s.rigs, host, s.incident[host], s.degree[host], s.cameras)
+        s.window[host] = host_violation(
+            q, s.positions, s.axes, s.rigs, host, s.incident[host], s.degree[host], s.cameras
+        )
 
 
 @lean_kernel
@@ -292,7 +294,7 @@ def try_pose(
     ax, ay = s.axes[host, 0], s.axes[host, 1]
     crowd = crowding(q, s.positions, host)
     propose_pose(q, s, host, reach_m, chance)
-    window = host_violation(q, s.positions, s.rigs, host, s.incident[host], s.degree[host], s.cameras)
+    window = host_violation(q, s.positions, s.axes, s.rigs, host, s.incident[host], s.degree[host], s.cameras)
     more_cost = 0.0
     more_violation = window - s.window[host] + crowding(q, s.positions, host) - crowd
     for n in range(s.degree[host]):
@@ -401,7 +403,7 @@ def try_camera(
     cost, violation, window = s.cost[threat], s.violation[threat], s.window[host]
     s.cameras[threat, end] = 1 - s.cameras[threat, end]
     refresh_threat(q, s, threat)
-    s.window[host] = host_violation(q, s.positions, s.rigs, host, s.incident[host], s.degree[host], s.cameras)
+    s.window[host] = host_violation(q, s.positions, s.axes, s.rigs, host, s.incident[host], s.degree[host], s.cameras)
     more_cost = s.cost[threat] - cost
     more_violation = s.violation[threat] - violation + s.window[host] - window
     if accepted(more_cost + penalty * more_violation, temperature, chance):

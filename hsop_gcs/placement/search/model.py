@@ -43,6 +43,10 @@ class Question(NamedTuple):
     fov_rad: Floats
     """(rigs,)"""
     fov_cosine: Floats
+    gimbal_rad: Floats
+    """(rigs, 4): least and largest tilt, least and largest pan from the host's heading."""
+    limited: bool
+    """Gimbals cannot look everywhere."""
     hosts_of_rig: Ints
     """(rigs,): how many hosts there are of each."""
     safety_m: float
@@ -255,6 +259,43 @@ def central_cone(
 
 
 @lean_kernel
+def nearest_aim(
+    q: Question, rig: int, heading: float, turned: bool, x: float, y: float, z: float
+) -> tuple[float, float, float]:
+    """Return the direction nearest to (x, y, z), pan by pan and tilt by tilt, that a gimbal can look in.
+
+    turned: fisheyes are used, so that one end of their axis is the nose; otherwise the nose follows the pan.
+    """
+    tilt = max(q.gimbal_rad[rig, 0], min(q.gimbal_rad[rig, 1], math.atan2(z, math.sqrt(x * x + y * y))))
+    pan, turn = math.atan2(x, y), math.inf
+    for end in range(2 if turned else 0):
+        off = wrapped(pan - heading + end * math.pi)
+        needed = max(q.gimbal_rad[rig, 2], min(q.gimbal_rad[rig, 3], off)) - off
+        if abs(needed) < abs(turn):
+            turn = needed
+    if turned:
+        pan += turn
+    return math.cos(tilt) * math.sin(pan), math.cos(tilt) * math.cos(pan), math.sin(tilt)
+
+
+@lean_kernel
+def central_aim(
+    q: Question, positions: Floats, axes: Floats, rigs: Ints, host: int, incident: Ints, degree: int, cameras: Ints
+) -> tuple[float, float, float, float]:
+    """Return where a host's central camera looks, and the field of view that all it is to see needs; 0 for nothing."""
+    x, y, z, angle = central_cone(q, positions, host, incident, degree, cameras)
+    if q.limited:
+        turned = False
+        for n in range(degree):
+            turned |= cameras[incident[n] // 2, incident[n] % 2] != CENTRAL
+        heading = math.atan2(axes[host, 0], axes[host, 1])
+        x, y, z = nearest_aim(q, rigs[host], heading, turned, x, y, z)
+        least, _, _, _ = farthest_off(q, positions, host, incident, degree, cameras, x, y, z)
+        angle = 2 * math.acos(max(-1.0, min(1.0, least)))
+    return x, y, z, angle
+
+
+@lean_kernel
 def place_violation(q: Question, positions: Floats, host: int) -> float:
     """Return how far a host stands inside the safety zones around whole paths, and where it may not hover."""
     violation = 0.0
@@ -267,12 +308,12 @@ def place_violation(q: Question, positions: Floats, host: int) -> float:
 
 @lean_kernel
 def host_violation(
-    q: Question, positions: Floats, rigs: Ints, host: int, incident: Ints, degree: int, cameras: Ints
+    q: Question, positions: Floats, axes: Floats, rigs: Ints, host: int, incident: Ints, degree: int, cameras: Ints
 ) -> float:
     """Return by how much what a host sees centrally exceeds the field of view, and its place is not allowed."""
     violation = 0.0
     if not q.plane:
-        _, _, _, angle = central_cone(q, positions, host, incident, degree, cameras)
+        _, _, _, angle = central_aim(q, positions, axes, rigs, host, incident, degree, cameras)
         return float(max(0.0, angle - q.fov_rad[rigs[host]]) + place_violation(q, positions, host))
     alone = -1
     for n in range(degree):

@@ -19,16 +19,20 @@ from hsop_gcs.placement.search.model import (
     Floats,
     Ints,
     Question,
+    central_aim,
+    central_cone,
     distance_factor,
     path_offset,
     threat_cost,
     wrapped,
 )
 
-COST, PIXELS, END_POINT, PATH, PAN, CONE, SEPARATION, FLOOR, CEILING, FENCE, KEEP_OUT = range(11)
+COST, PIXELS, END_POINT, PATH, PAN, CONE, SEPARATION, FLOOR, CEILING, FENCE, KEEP_OUT, AIM = range(12)
 NEAR_M = 40.0
 """Rules that are farther than this from being broken are left out of a local solve."""
 DIFFERENCE = 1e-6
+NEAR_A_LIMIT_RAD = 0.1
+"""A central camera's aim so near to its gimbal's limits stays where it is during a local solve."""
 
 
 @kernel
@@ -178,6 +182,8 @@ def element(q: Question, e: Ints, poses: Floats, g: Floats, work: Floats) -> flo
         room, gx, gy, gz = keep_out_room(q.sides_m, q.areas, e[3], poses[i, 0], poses[i, 1], poses[i, 2])
         g[0], g[1], g[2] = 0.1 * gx, 0.1 * gy, 0.1 * gz
         return float(0.1 * (room - STRICTER_M))
+    if kind == AIM:
+        return aim_margin(q, e, poses, g)
     # PAN and CONE: the field of view less the angle between two points, on the compass or in space.
     ex, ey, ez = (
         q.points_m[e[3], e[4], 0] - poses[i, 0],
@@ -209,10 +215,43 @@ def element(q: Question, e: Ints, poses: Floats, g: Floats, work: Floats) -> flo
 
 
 @kernel
+def aim_margin(q: Question, e: Ints, poses: Floats, g: Floats) -> float:
+    """Return the field of view less twice the angle of a point off the aim of a camera that keeps it."""
+    i = e[1]
+    ex = q.points_m[e[3], e[4], 0] - poses[i, 0]
+    ey = q.points_m[e[3], e[4], 1] - poses[i, 1]
+    ez = q.points_m[e[3], e[4], 2] - poses[i, 2]
+    d = math.sqrt(ex * ex + ey * ey + ez * ez)
+    ex, ey, ez = ex / d, ey / d, ez / d
+    fx, fy, fz = poses[i, 4], poses[i, 5], poses[i, 6]
+    cosine = ex * fx + ey * fy + ez * fz
+    cx, cy, cz = ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx
+    sine = math.sqrt(cx * cx + cy * cy + cz * cz)
+    if sine > 1e-9:
+        g[0] = -2 * (fx - cosine * ex) / (d * sine)
+        g[1] = -2 * (fy - cosine * ey) / (d * sine)
+        g[2] = -2 * (fz - cosine * ez) / (d * sine)
+    return float(q.fov_rad[e[7]] - 2 * math.atan2(sine, cosine))
+
+
+@kernel
+def keeps_aim(q: Question, s: State, host: int) -> bool:
+    """Return whether the central camera of a host looks in a direction near its gimbal's limits."""
+    if not q.limited:
+        return False
+    seen = s.incident[host]
+    _, _, _, angle = central_aim(q, s.positions, s.axes, s.rigs, host, seen, s.degree[host], s.cameras)
+    _, _, w, _ = central_cone(q, s.positions, host, seen, s.degree[host], s.cameras)
+    low, high = q.gimbal_rad[s.rigs[host], 0] + NEAR_A_LIMIT_RAD, q.gimbal_rad[s.rigs[host], 1] - NEAR_A_LIMIT_RAD
+    panned = q.gimbal_rad[s.rigs[host], 2] > -0.5 * math.pi or q.gimbal_rad[s.rigs[host], 3] < 0.5 * math.pi
+    return bool(angle > 0 and (panned or not low < math.asin(max(-1.0, min(1.0, w))) < high))
+
+
+@kernel
 def list_elements(q: Question, s: State, moving: Ints) -> Ints:
     """Return the costs and rules that the poses of moving hosts (marked 1) decide, costs first."""
     threats, hosts = s.pairs.shape[0], s.degree.shape[0]
-    most = threats * (1 + 8) + hosts * (threats + hosts + 3 + q.areas.shape[0]) + hosts * 4 * threats * threats
+    most = threats * (1 + 12) + hosts * (threats + hosts + 3 + q.areas.shape[0]) + hosts * 4 * threats * threats
     rows = np.zeros((most, 8), np.int64)
     m = 0
     for threat in range(threats):
@@ -224,6 +263,7 @@ def list_elements(q: Question, s: State, moving: Ints) -> Ints:
     for host in range(hosts):
         if moving[host] == 0:
             continue
+        keeping = keeps_aim(q, s, host)
         for n in range(s.degree[host]):
             threat, end = s.incident[host, n] // 2, s.incident[host, n] % 2
             for k in range(2):
@@ -233,7 +273,12 @@ def list_elements(q: Question, s: State, moving: Ints) -> Ints:
                 if not q.whole_path:
                     rows[m, 0], rows[m, 1], rows[m, 2], rows[m, 3], rows[m, 4] = END_POINT, host, -1, threat, k
                     m += 1
-            if s.cameras[threat, end] == CENTRAL:
+            if s.cameras[threat, end] == CENTRAL and keeping:
+                for k in range(2):
+                    rows[m, 0], rows[m, 1], rows[m, 2], rows[m, 3], rows[m, 4] = AIM, host, -1, threat, k
+                    rows[m, 7] = s.rigs[host]
+                    m += 1
+            elif s.cameras[threat, end] == CENTRAL:
                 for n2 in range(n + 1):
                     second = s.incident[host, n2] // 2
                     if s.cameras[second, s.incident[host, n2] % 2] != CENTRAL:
@@ -319,12 +364,16 @@ def barrier_value(q: Question, rows: Ints, poses: Floats, mu: float, margins: Fl
 
 
 @kernel
-def poses_of(s: State) -> Floats:
-    """Return the hosts' positions and headings: (hosts, 4)."""
-    poses = np.empty((s.degree.shape[0], 4))
+def poses_of(q: Question, s: State) -> Floats:
+    """Return the hosts' positions, headings and, for cameras that keep it, their aim's direction: (hosts, 7)."""
+    poses = np.zeros((s.degree.shape[0], 7))
     for host in range(s.degree.shape[0]):
         poses[host, :3] = s.positions[host]
         poses[host, 3] = math.atan2(s.axes[host, 0], s.axes[host, 1])
+        if q.limited:
+            poses[host, 4], poses[host, 5], poses[host, 6], _ = central_aim(
+                q, s.positions, s.axes, s.rigs, host, s.incident[host], s.degree[host], s.cameras
+            )
     return poses
 
 
@@ -347,12 +396,13 @@ def polish(q: Question, s: State, moving: Ints, steps: int) -> bool:
         turns = False
         for v in range(s.degree[host]):
             turns |= s.cameras[s.incident[host, v] // 2, s.incident[host, v] % 2] == PERIPHERAL
+        turns &= not keeps_aim(q, s, host)
         for axis in range(4):
             if (axis == 2 and q.ceiling_m <= q.floor_m) or (axis == 3 and not turns):
                 continue
             column[host, axis] = n
             n += 1
-    poses = poses_of(s)
+    poses = poses_of(q, s)
     # Lengths in units of ten metres, so that positions and angles weigh alike.
     unit = np.array([10.0, 10.0, 10.0, 1.0])
     count = rows.shape[0]

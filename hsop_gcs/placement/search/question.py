@@ -5,14 +5,15 @@ import math
 import numpy as np
 
 from hsop_gcs.cameras.rig import CameraKind
+from hsop_gcs.geometry.frames import Aim
 from hsop_gcs.placement.airspace import Airspace
-from hsop_gcs.placement.answer import KINDS, compass_deg, names_of, valued
+from hsop_gcs.placement.answer import KINDS, compass_deg, hover_pose, names_of, valued
 from hsop_gcs.placement.objective import hover_altitudes_m, noise_rad, threat_points_m, threat_ways_m, weight
 from hsop_gcs.placement.problem import Formulation, Objective, Problem
 from hsop_gcs.placement.search.anneal import State, left_over, new_state, refresh, set_view
 from hsop_gcs.placement.search.areas import STRICTER_M, areas_of
 from hsop_gcs.placement.search.frame import GRID_M, Frame
-from hsop_gcs.placement.search.model import CENTRAL, PERIPHERAL, Floats, Question, central_cone, view_window
+from hsop_gcs.placement.search.model import CENTRAL, PERIPHERAL, Floats, Question, central_aim, view_window
 from hsop_gcs.placement.solution import HoverPose, Placement, View
 
 STRICTER = 1e-7
@@ -42,6 +43,7 @@ def question_of(problem: Problem, frame: Frame) -> Question:
     angular = [noise_rad(rig, problem.attitude_sigma_rad) for rig in rigs]
     noises = np.array([[noise[KINDS[camera]]] for noise in angular for camera in (PERIPHERAL, CENTRAL)])
     fov_rad = np.array([2 * rig.central.half_fov_rad - STRICTER for rig in rigs])
+    gimbal_rad, limited = _gimbals(problem, frame)
     carried = [host.rig or problem.rig for host in problem.hosts] or [problem.rig] * (2 * len(sizes))
     sides, areas = areas_of(problem.airspace if operational else Airspace(), frame)
     return Question(
@@ -53,18 +55,36 @@ def question_of(problem: Problem, frame: Frame) -> Question:
         distortion=np.array([rig.peripheral.distortion for rig in rigs], dtype=np.float64),
         fov_rad=fov_rad,
         fov_cosine=np.cos(fov_rad),
+        gimbal_rad=gimbal_rad,
+        limited=limited,
         hosts_of_rig=np.array([carried.count(rig) for rig in rigs], dtype=np.int64),
         safety_m=problem.safety_distance_m + STRICTER_M,
         separation_m=problem.min_separation_m + STRICTER_M if operational and problem.min_separation_m > 0 else 0.0,
         whole_path=operational,
         rms=rms,
         position_sigma_m=problem.position_sigma_m,
-        plane=floor_m == ceiling_m and bool((points[:, :, 2] == floor_m).all() and (paths[:, :, 2] == floor_m).all()),
+        plane=not limited
+        and floor_m == ceiling_m
+        and bool((points[:, :, 2] == floor_m).all() and (paths[:, :, 2] == floor_m).all()),
         floor_m=floor_m,
         ceiling_m=ceiling_m,
         sides_m=sides,
         areas=areas,
     )
+
+
+def _gimbals(problem: Problem, frame: Frame) -> tuple[Floats, bool]:
+    """Return the gimbals' limits, (rigs, 4) radians in the frame, and whether any counts; the letter tilts nothing."""
+    limits = np.radians([(*rig.tilt_deg, *rig.pan_deg) for rig in problem.rigs])
+    if problem.formulation is Formulation.LETTER:
+        limits[:, :2] = -math.pi / 2, math.pi / 2
+    # Either end of the fisheye axis may be the nose: no pan is out of reach that is not beyond both.
+    tilts = (limits[:, 0] > -math.pi / 2) | (limits[:, 1] < math.pi / 2)
+    pans = (limits[:, 2] > -math.pi / 2) | (limits[:, 3] < math.pi / 2)
+    if np.linalg.det(frame.turn) < 0:
+        limits[:, 2:] = -limits[:, [3, 2]]
+    limits += STRICTER * np.array([1.0, -1.0, 1.0, -1.0])
+    return limits, bool((tilts | pans).any())
 
 
 def _within(problem: Problem, floor_m: float, ceiling_m: float) -> tuple[float, float]:
@@ -96,25 +116,20 @@ def _pose(
 ) -> HoverPose:
     """Pan and tilt to the middle of what the central camera sees; an unused fisheye axis follows the pan."""
     degree = int(state.degree[host])
-    seen = (q, state.positions, host, state.incident[host], degree, state.cameras)
-    low, high, count = view_window(*seen)
+    seen = (host, state.incident[host], degree, state.cameras)
+    low, high, count = view_window(q, state.positions, *seen)
     held = [int(v) // 2 for v in state.incident[host, :degree] if state.cameras[v // 2, v % 2] == CENTRAL]
     middle, tilt = 0.5 * (low + high), 0.0
     aim = frame.vectors_outward(np.array([math.sin(middle), math.cos(middle)]))
     if held and not q.plane:
-        x, y, z, _ = central_cone(*seen)
+        x, y, z, _ = central_aim(q, state.positions, state.axes, state.rigs, *seen)
         aim, tilt = frame.vectors_outward(np.array([x, y])), math.atan2(z, math.hypot(x, y))
-    elif held:
+    if held and (q.plane or problem.formulation is Formulation.LETTER):
         centre = threat_points_m(problem)[held].reshape(-1, 3).mean(axis=0)
         tilt = math.atan2(centre[2] - position_m[2], math.dist(centre[:2], position_m[:2]))
     axis = frame.vectors_outward(state.axes[host]) if count < degree else aim
-    return HoverPose(
-        host=name,
-        position_m=(float(position_m[0]), float(position_m[1]), float(position_m[2])),
-        heading_deg=compass_deg(math.atan2(*axis)),
-        pan_deg=compass_deg(math.atan2(*aim)) if count > 0 else None,
-        tilt_deg=math.degrees(tilt),
-    )
+    looks = Aim(pan_deg=compass_deg(math.atan2(*aim)), tilt_deg=math.degrees(tilt)) if held else None
+    return hover_pose(name, position_m, compass_deg(math.atan2(*axis)), problem.rigs[state.rigs[host]], looks)
 
 
 def state_of(problem: Problem, frame: Frame, q: Question, placement: Placement, n_hosts: int) -> State:

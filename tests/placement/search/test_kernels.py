@@ -95,7 +95,7 @@ def test_gradients_are_the_slopes_of_costs_and_margins(formulation: Formulation,
     plane, state = annealed(some_problem(formulation, objective), 4, seed=0)
     q = plane._replace(plane=False, floor_m=-5.0, ceiling_m=5.0)
     rows = list_elements(q, state, np.ones(4, dtype=np.int64))
-    poses = poses_of(state)
+    poses = poses_of(q, state)
     poses[:, 2] = [1.0, 2.0, -3.0, 0.5]
     assert_gradients(q, rows, poses)
 
@@ -161,7 +161,7 @@ def test_gradients_in_space_among_areas_are_the_slopes_too(objective: Objective)
     kinds = {int(row[0]) for row in rows}
     assert {COST, PIXELS, PATH, CONE, FLOOR, CEILING, FENCE, KEEP_OUT} <= kinds
     assert PAN not in kinds
-    assert_gradients(q, rows, poses_of(state))
+    assert_gradients(q, rows, poses_of(q, state))
 
 
 @pytest.mark.parametrize("seed", range(5))
