@@ -12,6 +12,7 @@ A signed heartbeat from another address registers it when the link is lost: the 
 Without I/O, like the machines below it: a recording can be played through it with any clock.
 """
 
+import heapq
 import math
 from collections import Counter
 from collections.abc import Container, Iterable, Mapping
@@ -67,7 +68,9 @@ class Router:
         self._sequences: dict[tuple[Peer, int, int], int] = {}
         self._accounts = {system: Account() for system in self.vehicles}
         # With a hundred vehicles most of them are idle at any moment: only those that were touched are looked at.
-        self._wakes: dict[int, float] = {}
+        self._wakes = dict.fromkeys(self.vehicles, math.inf)
+        self._agenda: list[tuple[float, int]] = []
+        self._moved: dict[int, None] = {}
         self._to_send: dict[int, None] = {}
         self._to_tell: dict[int, None] = {}
         self._events: list[Event] = []
@@ -103,34 +106,45 @@ class Router:
         return frames
 
     def touch(self, system: int) -> Vehicle:
-        """Return a vehicle that is about to be given an order; the next ``advance`` sees what it makes of it."""
-        self._wakes[system] = -math.inf
+        """Return a vehicle that is about to be given an order; what it makes of it is sent in the next turn."""
+        self._moved[system] = self._to_send[system] = self._to_tell[system] = None
         return self.vehicles[system]
 
     @property
     def wake_at(self) -> float | None:
         """When ``advance`` has something to do; None before its first call."""
-        return min((at for at in (self.heartbeat.wake_at, *self._wakes.values()) if at is not None), default=None)
+        self._reschedule()
+        ours = self.heartbeat.wake_at
+        return min(ours, self._agenda[0][0]) if ours is not None and self._agenda else ours
 
     def advance(self, now: float) -> None:
         """Let every machine do what is due."""
         self.heartbeat.advance(now)
         self._greeted_until_s = {peer: until_s for peer, until_s in self._greeted_until_s.items() if now < until_s}
-        for system in [system for system, wake_at in self._wakes.items() if now >= wake_at]:
-            self._advance(system, now)
+        self._reschedule()
+        while self._agenda and self._agenda[0][0] <= now:
+            at, system = heapq.heappop(self._agenda)
+            if at == self._wakes[system]:
+                self._advance(system, now)
+                self._reschedule()
 
     def _advance(self, system: int, now: float) -> None:
+        self._wakes[system] = math.inf
         self.vehicles[system].advance(now)
-        self._note(system)
+        self._moved[system] = self._to_send[system] = self._to_tell[system] = None
 
-    def _note(self, system: int) -> None:
-        """Take note that a vehicle has moved on."""
-        self._to_send[system] = self._to_tell[system] = None
-        wake_at = self.vehicles[system].wake_at
-        if wake_at is None:
-            self._wakes.pop(system, None)
-        else:
-            self._wakes[system] = wake_at
+    def _reschedule(self) -> None:
+        """Put the vehicles that have moved on into the agenda.
+
+        Only where one is to be woken earlier: being woken too early costs little, and silence, which is put off by
+        every message, would otherwise be put into the agenda as often.
+        """
+        moved, self._moved = self._moved, {}
+        for system in moved:
+            wake_at = self.vehicles[system].wake_at
+            if wake_at is not None and wake_at < self._wakes[system]:
+                self._wakes[system] = wake_at
+                heapq.heappush(self._agenda, (wake_at, system))
 
     def take_outgoing(self) -> list[tuple[Peer, bytes]]:
         """Return the frames to be sent and where to, once."""
@@ -240,13 +254,15 @@ class Router:
     def _deliver(self, frame: Frame, peer: Peer, lost: int, now: float) -> None:
         vehicle, account = self.vehicles[frame.system], self._accounts[frame.system]
         # Silence counts from now on, not from when somebody last looked at the clock.
-        if now >= self._wakes.get(frame.system, math.inf):
+        if frame.system in self._moved:
+            self._reschedule()
+        if now >= self._wakes[frame.system]:
             self._advance(frame.system, now)
         if account.peer != peer and not self._registers(frame, peer):
             return
         account.take(lost, now)
         vehicle.receive(frame.message, now, component=frame.component)
-        self._note(frame.system)
+        self._moved[frame.system] = self._to_send[frame.system] = self._to_tell[frame.system] = None
 
     def _registers(self, frame: Frame, peer: Peer) -> bool:
         """Whether a frame from an address that is not its vehicle's makes it so; if not, it is refused."""

@@ -23,6 +23,7 @@ from hsop_gcs.fleet import Fleet, Host
 from hsop_gcs.geometry.frames import Aim, aim_between
 from hsop_gcs.journal import Journal
 from hsop_gcs.link.events import Event
+from hsop_gcs.link.protocol.telemetry import VehicleState
 from hsop_gcs.link.pump import Link
 from hsop_gcs.link.tlog import TlogWriter
 from hsop_gcs.link.vehicle import Vehicle
@@ -361,12 +362,15 @@ class Mission:
 
     async def _watch_poses(self) -> None:
         """Remember where hosts were and how they were turned, for what their cameras will say they saw then."""
+        seen: dict[str, VehicleState] = {}
         while True:
             ahead_s = self.clock() - self.link.now()
             for host in self.fleet.hosts:
+                state, before = self.vehicle(host).state, seen.get(host.id)
                 self._poses[host.id] = with_telemetry(
-                    self._poses[host.id], self.vehicle(host).state, self.site.frame, ahead_s=ahead_s
+                    self._poses[host.id], state, self.site.frame, ahead_s=ahead_s, before=before
                 )
+                seen[host.id] = state
             await asyncio.sleep(_POSE_STEP_S)
 
     # How the state moves on

@@ -71,19 +71,25 @@ def mover_of(host: Host, state: VehicleState, frame: LocalFrame, limits: FlightL
     return Mover(id=host.id, position_m=(east, north, up), speed_mps=limits.speed_mps, rig=host.rig)
 
 
-def with_telemetry(history: PoseHistory, state: VehicleState, frame: LocalFrame, *, ahead_s: float) -> PoseHistory:
-    """Return a host's pose history with what its telemetry says now; ``ahead_s``: our clock minus the link's."""
-    if state.position is not None and state.position_heard_s is not None:
+def with_telemetry(
+    history: PoseHistory, state: VehicleState, frame: LocalFrame, *, ahead_s: float, before: VehicleState | None
+) -> PoseHistory:
+    """Return a host's pose history with what its telemetry says now.
+
+    ahead_s: our clock minus the link's. before: the state that the history already holds, None for a new history.
+    """
+    known = before or VehicleState(system=state.system)
+    if state.position is not None and state.position_heard_s not in (None, known.position_heard_s):
         east, north, up = frame.to_enu(state.position).tolist()
         history = history.with_position(state.position_heard_s + ahead_s, (east, north, up))
-    if state.heading_deg is not None and state.attitude_heard_s is not None:
+    if state.heading_deg is not None and state.attitude_heard_s not in (None, known.attitude_heard_s):
         history = history.with_attitude(
             state.attitude_heard_s + ahead_s,
             heading_deg=state.heading_deg,
             roll_deg=state.roll_deg or 0.0,
             pitch_deg=state.pitch_deg or 0.0,
         )
-    if state.gimbal is not None and state.gimbal_heard_s is not None:
+    if state.gimbal is not None and state.gimbal_heard_s not in (None, known.gimbal_heard_s):
         history = history.with_aim(state.gimbal_heard_s + ahead_s, state.gimbal)
     return history
 
