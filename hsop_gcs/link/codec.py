@@ -110,7 +110,7 @@ class Encoder:
         except (TypeError, ValueError, OverflowError, dialect.struct.error) as error:
             raise ValueError(f"{message.NAME} cannot be encoded: {error}: {message}") from error
         self._mav.seq = (self._mav.seq + 1) % 256
-        return frame if self._sign is None else self._sign(_marked_signed(frame, message.ID))
+        return frame if self._sign is None else self._sign(marked_signed(frame))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -252,10 +252,13 @@ def is_signed(frame: bytes) -> bool:
     return frame[0] == STX_V2 and bool(frame[2] & _SIGNED)
 
 
-def _marked_signed(frame: bytes, number: int) -> bytes:
-    """Return an unsigned frame with the header of a signed one, and the checksum that goes with it."""
+def marked_signed(frame: bytes) -> bytes:
+    """Return an unsigned frame with the header of a signed one, and the checksum that goes with it.
+
+    Its message must be one of the dialect's: without knowing it, no checksum can be made.
+    """
     body = bytes([frame[1], frame[2] | _SIGNED]) + frame[3:-2]
-    checksum: int = dialect.x25crc(body + _CRC_EXTRA[number]).crc
+    checksum: int = dialect.x25crc(body + _CRC_EXTRA[message_id(frame)]).crc
     return frame[:1] + body + checksum.to_bytes(2, "little")
 
 

@@ -19,7 +19,7 @@ from collections.abc import Container, Iterable, Mapping
 
 from hsop_gcs.errors import BadInput
 from hsop_gcs.link.account import Account, LinkCounters, Stranger, VehicleLink
-from hsop_gcs.link.codec import Decoder, DecoderCounters, Encoder, Frame, is_signed
+from hsop_gcs.link.codec import Decoder, DecoderCounters, Encoder, Frame, is_signed, marked_signed
 from hsop_gcs.link.endpoint import Peer
 from hsop_gcs.link.enums import MavComponent
 from hsop_gcs.link.events import AddressRefused, AddressRegistered, Event
@@ -65,6 +65,7 @@ class Router:
         self._greeted_until_s: dict[Peer, float] = {}
         self._decoders: dict[Peer, Decoder] = {}
         self._encoders: dict[Peer, Encoder] = {}
+        self._forwarded: list[tuple[Peer, bytes]] = []
         self._sequences: dict[tuple[Peer, int, int], int] = {}
         self._accounts = {system: Account() for system in self.vehicles}
         # With a hundred vehicles most of them are idle at any moment: only those that were touched are looked at.
@@ -148,7 +149,7 @@ class Router:
 
     def take_outgoing(self) -> list[tuple[Peer, bytes]]:
         """Return the frames to be sent and where to, once."""
-        outgoing: list[tuple[Peer, bytes]] = []
+        outgoing, self._forwarded = self._forwarded, []
         for message in self.heartbeat.take_outgoing():
             bound = [account.peer for account in self._accounts.values() if account.peer is not None]
             peers = dict.fromkeys([*self._always, *bound, *self._greeted_until_s])
@@ -180,6 +181,18 @@ class Router:
         before = account.peer.address if account.peer is not None else None
         account.register(peer)
         self._events.append(AddressRegistered(system=system, address=address, before=before, by="operator"))
+
+    def peer_of(self, system: int) -> Peer | None:
+        """Where a vehicle is registered; None before it was heard."""
+        return self._accounts[system].peer
+
+    def forward(self, system: int, frame: Frame) -> None:
+        """Send a frame that somebody else made to a vehicle, with our signature if its link is signed."""
+        peer = self.peer_of(system)
+        if peer is not None:
+            signing = self._signing.get(peer.transport)
+            raw = frame.raw if signing is None else signing.sign(marked_signed(frame.raw))
+            self._forwarded.append((peer, raw))
 
     @property
     def counters(self) -> LinkCounters:

@@ -2,7 +2,9 @@
 
 python -m tests.bench.bench_noise [FRAMES] [SEED]
 
-Exit code 1 if a good frame was not understood, or memory grew by more than a megabyte after the first fifth.
+Exit code 1 if a good frame was not understood, or memory grew by more than a megabyte after the first fifth. In a
+stream, a piece of a frame and the good one behind it may together have a good checksum: one in 65536 has. What was
+swallowed in that way is counted by itself; no receiver could tell.
 """
 
 import gc
@@ -21,6 +23,7 @@ FRAME_PERIOD_S = 0.002
 DATAGRAMS, STREAM = Peer(0, "127.0.0.1", 14541), Peer(1, "/dev/ttyUSB0", 57600)
 STREAM_CHUNK_BYTES = 20_000
 MEGABYTE = 1e6
+_HEADER_BYTES = 8
 
 
 class Ear:
@@ -30,7 +33,9 @@ class Ear:
         self.router = Router([1], streams={STREAM.transport})
         self.peer = peer
         self.expected: deque[bytes] = deque()
-        self.missed = 0
+        self.missed = self.swallowed = 0
+        self._chance: deque[bytes] = deque(maxlen=20)
+        """The newest frames with a good checksum that nobody sent."""
         self.busy_s = 0.0
 
     def hear(self, data: bytes, now: float) -> None:
@@ -41,9 +46,22 @@ class Ear:
         self.router.take_events()
         self.busy_s += time.perf_counter() - started_s
         for frame in frames:
-            if frame.raw in self.expected:
-                while self.expected.popleft() != frame.raw:
-                    self.missed += 1
+            if frame.raw not in self.expected:
+                self._chance.append(frame.raw)
+                continue
+            while (good := self.expected.popleft()) != frame.raw:
+                self.miss(good)
+
+    def miss(self, good: bytes) -> None:
+        """Count a good frame that was not understood."""
+        if any(good[:_HEADER_BYTES] in chance or chance.endswith(_starts(good)) for chance in self._chance):
+            self.swallowed += 1
+        else:
+            self.missed += 1
+
+
+def _starts(frame: bytes) -> tuple[bytes, ...]:
+    return tuple(frame[:length] for length in range(2, _HEADER_BYTES))
 
 
 def resident_bytes() -> int:
@@ -67,8 +85,8 @@ def main(frames: int = 1_000_000, seed: int = 0) -> int:
             datagrams.expected.append(raw)
             stream.expected.append(raw)
         datagrams.hear(raw, now)
-        datagrams.missed += len(datagrams.expected)
-        datagrams.expected.clear()
+        while datagrams.expected:
+            datagrams.miss(datagrams.expected.popleft())
         uncut += raw
         if len(uncut) > STREAM_CHUNK_BYTES:
             for piece in pieces(rng, bytes(uncut)):
@@ -84,7 +102,8 @@ def main(frames: int = 1_000_000, seed: int = 0) -> int:
     for name, ear in (("datagrams", datagrams), ("stream", stream)):
         counters = ear.router.counters
         say(
-            f"{name}: {ear.missed + len(ear.expected)} good frames missed, {counters.bad_frames} bad beginnings,"
+            f"{name}: {ear.missed + len(ear.expected)} good frames missed, {ear.swallowed} swallowed,"
+            f" {counters.bad_frames} bad beginnings,"
             f" {counters.unknown_messages} unknown ids, {ear.busy_s / frames * 1e6:.0f} us a frame"
         )
     say(f"memory grew by {grown / MEGABYTE:.2f} MB after the first fifth")
