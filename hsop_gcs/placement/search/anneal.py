@@ -537,20 +537,25 @@ def anneal(
     stiffness: float,
     chance: Chance,
 ) -> tuple[float, float]:
-    """Anneal the given hosts and threats in ``s``; the rest stands still. Leaves the best state in ``best``.
+    """Anneal the given hosts and threats in ``s``; the rest stands still.
+
+    Leaves the best state of the colder half in ``best``: it may be worse than what it began with, and lie elsewhere.
 
     ``threats`` must be seen by ``hosts`` only. ``hot`` and ``cold`` are the first and last temperature relative to
     the cost of an average threat, ``reach_m`` the longest steps at first, ``stiffness`` the first price of a
     violation of 1, relative to the same. Returns cost and violation of ``best``.
     """
     trial = np.empty((s.pairs.shape[0], 2))
-    cost, violation = totals(q, s)
-    copy_state(s, best)
-    best_cost, best_violation = cost, violation
+    best_cost = best_violation = math.inf
+    recording = False
     chunk = 50 + 10 * hosts.size
-    chunks = max(1, moves // chunk)
+    chunks = max(2, moves // chunk)
     for n in range(chunks):
         cost, violation = totals(q, s)
+        if not recording and 2 * n >= chunks:
+            recording = True
+            copy_state(s, best)
+            best_cost, best_violation = cost, violation
         progress = n / chunks
         mean = 0.0
         for i in range(threats.size):
@@ -572,6 +577,8 @@ def anneal(
                 more, broken = try_regroup(q, s, hosts, threats, reach, penalty, temperature, chance, trial)
             cost += more
             violation += broken
+            if not recording:
+                continue
             if violation < 1e-7 and (cost < best_cost * (1 - 1e-5) or best_violation > 0):
                 exact_cost, exact_violation = totals(q, s)
                 if exact_violation <= 0:

@@ -18,10 +18,8 @@ from hsop_gcs.placement.search.model import (
     threat_cost,
 )
 
-FEW_BOXES = 80_000
-"""Pairs of boxes looked at for a first bound, all threats together; a few hundredths of a second."""
-MANY_BOXES = 300_000
-"""And per threat for a proof."""
+FEW_BOXES, MANY_BOXES = 4_000, 300_000
+"""Pairs of boxes looked at per threat, for a first bound (some thousandths of a second) and for a proof."""
 CELLS = 400
 """Along a threat's path, for a bound in space."""
 
@@ -36,7 +34,7 @@ def lower_bound(q: Question, executor: Executor, *, thorough: bool) -> float:
     threats = range(len(q.weight))
     if not q.plane:
         return float(sum(own_pair_bound_in_space(q, threat, CELLS) for threat in threats))
-    most = MANY_BOXES if thorough else max(4_000, FEW_BOXES // len(threats))
+    most = MANY_BOXES if thorough else FEW_BOXES
     return float(sum(executor.map(lambda threat: own_pair_bound(q, threat, most), threats)))
 
 

@@ -8,17 +8,34 @@ import math
 
 import numpy as np
 
-from hsop_gcs.placement.search.anneal import State, anneal, copy_state, scatter, totals
+from hsop_gcs.placement.search.anneal import (
+    State,
+    anneal,
+    copy_state,
+    jump,
+    keep_clear,
+    refresh,
+    scatter,
+    set_view,
+    totals,
+)
 from hsop_gcs.placement.search.chance import State as Chance
 from hsop_gcs.placement.search.chance import below, uniform
 from hsop_gcs.placement.search.compiled import kernel
-from hsop_gcs.placement.search.model import Ints, Question
+from hsop_gcs.placement.search.model import Ints, Question, edge_energy
 from hsop_gcs.placement.search.polish import polish
 
 POLISH_STEPS = 80
-STIFFNESS = 3.0
+STIFFNESS = 15.0
 MENDING_STIFFNESS = 60.0
 """Of penalties while no placement keeps every rule: cost matters little then."""
+TRANSFERS = 0.6
+"""Share of the trials that begin by giving a host to another threat."""
+COOLEST, HOTTEST = -1.5, 0.0
+"""First temperatures, as powers of ten."""
+PROMISING = 0.05
+"""What is annealed to within this share of its former cost is polished."""
+SAME_PLACE_M = 0.7
 
 
 @kernel
@@ -78,6 +95,57 @@ def shake(q: Question, s: State, trial: State, moves: int, hot: float, reach_m: 
     polish(q, s, np.ones(hosts.size, np.int64), POLISH_STEPS)
 
 
+@kernel
+def hand_over(q: Question, s: State, host: int, marks: Ints, price: float) -> bool:
+    """Give each view of a host to the marked one that bears it best; False, and ``s`` spoilt, if there is none."""
+    while s.degree[host] > 0:
+        threat, end = s.incident[host, 0] // 2, s.incident[host, 0] % 2
+        partner, beside = s.pairs[threat, 1 - end], s.cameras[threat, 1 - end]
+        least, heir, with_camera = math.inf, -1, 0
+        for other in range(s.degree.shape[0]):
+            if marks[other] == 0 or other in (host, partner):
+                continue
+            for camera in range(2):
+                cost, violation = edge_energy(q, s.positions, s.axes, s.rigs, threat, other, partner, camera, beside)
+                if cost + price * violation < least:
+                    least, heir, with_camera = cost + price * violation, other, camera
+        if heir < 0:
+            return False
+        set_view(s, threat, end, heir, with_camera)
+    return True
+
+
+def transfer(q: Question, s: State, threat: int, marks: Ints, chance: Chance) -> bool:
+    """Take a host from what it sees, wherever it is, and give it one view of a threat; False, and ``s`` as it was.
+
+    Marks the hosts that this concerns. Only a threat that shares a host can be given one of its own.
+    """
+    end = below(chance, 2)
+    if s.degree[s.pairs[threat, end]] == 1:
+        end = 1 - end
+    if s.degree[s.pairs[threat, end]] == 1:
+        return False
+    host = below(chance, s.degree.shape[0])
+    if host in (s.pairs[threat, 0], s.pairs[threat, 1]):
+        return False
+    left = s.incident[host, below(chance, s.degree[host])] // 2
+    mark_nearest(q, s, left, below(chance, 3), marks)
+    marks[host] = 1
+    if not hand_over(q, s, host, marks, STIFFNESS * s.cost.mean()):
+        return False
+    set_view(s, threat, end, host, below(chance, 2))
+    jump(q, s, host, threat, end, chance)
+    keep_clear(q, s, host)
+    refresh(q, s)
+    return True
+
+
+def same_place(s: State, other: State) -> bool:
+    """Return whether two states see every threat alike, with all hosts in nearly the same places."""
+    alike = np.array_equal(s.pairs, other.pairs) and np.array_equal(s.cameras, other.cameras)
+    return alike and bool(np.abs(s.positions - other.positions).max() < SAME_PLACE_M)
+
+
 def improve(
     q: Question, s: State, trial: State, best: State, rounds: int, moves_per_host: int, reach_m: float, chance: Chance
 ) -> int:
@@ -87,21 +155,25 @@ def improve(
     helped = 0
     for _ in range(rounds):
         marks = np.zeros(hosts, np.int64)
-        mark_nearest(q, s, costlier(s, chance), 2 + below(chance, 4), marks)
-        if uniform(chance) < 0.5:
+        threat = costlier(s, chance)
+        mark_nearest(q, s, threat, 2 + below(chance, 4), marks)
+        copy_state(s, trial)
+        if uniform(chance) < TRANSFERS:
+            if not transfer(q, trial, threat, marks, chance):
+                copy_state(s, trial)
+        elif uniform(chance) < 0.5:
             mark_nearest(q, s, below(chance, threats), 1 + below(chance, 3), marks)
         chosen = marked(marks)
-        inside = np.zeros(threats, np.int64)
-        for threat in range(threats):
-            inside[threat] = marks[s.pairs[threat, 0]] * marks[s.pairs[threat, 1]]
-        hot = 10 ** (-2 + 2 * uniform(chance))
-        copy_state(s, trial)
+        inside = marked(marks[trial.pairs].all(axis=1))
+        here = s.cost[inside].sum()
+        hot = 10 ** (COOLEST + (HOTTEST - COOLEST) * uniform(chance))
         stiffness = MENDING_STIFFNESS if violation > 0 else STIFFNESS
         reach = reach_m * uniform(chance)
         moves = moves_per_host * chosen.size
-        anneal(q, trial, best, chosen, marked(inside), moves, hot, 2e-3, reach, stiffness, chance)
+        anneal(q, trial, best, chosen, inside, moves, hot, 2e-3, reach, stiffness, chance)
         new_cost, new_violation = totals(q, best)
-        if new_violation <= 0 and (violation > 0 or new_cost < cost * 1.05):
+        promising = new_violation <= 0 and (violation > 0 or new_cost < cost + PROMISING * here)
+        if promising and not (violation <= 0 and new_cost >= cost and same_place(s, best)):
             polish(q, best, marks, POLISH_STEPS)
             new_cost, new_violation = totals(q, best)
         if better(new_cost, new_violation, cost * (1 - 1e-9), violation):

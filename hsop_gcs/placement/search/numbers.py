@@ -11,7 +11,7 @@ from hsop_gcs.placement.search.model import CENTRAL, Floats, Question
 from hsop_gcs.placement.search.polish import polish
 from hsop_gcs.placement.search.rounds import Course
 
-ROUNDS_TO_REFUSE = 4
+ROUNDS_TO_REFUSE = 6
 """How many rounds it takes to give a number of hosts up that has no acceptable placement."""
 PARENTS = 3
 """How many views a host that is added is tried with, the costliest threats' first."""

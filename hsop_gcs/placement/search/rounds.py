@@ -16,13 +16,17 @@ from hsop_gcs.placement.search.neighbourhood import fresh, improve, shake
 
 LANES = 2
 POOL = 8
-STARTS = 6
-START_MOVES = 8_000
-SHAKE_MOVES = 20_000
-ROUND_MOVES = 40_000
-"""Moves per task, about: some hundredths of a second."""
-MOVES_PER_HOST = 600
-MEAN_NEIGHBOURHOOD = 4.5
+START_MOVES = 48_000
+"""Moves of the anneals from random poses in one task, all together."""
+SHORTEST_START, MOVES_PER_THREAT = 8_000, 2_400
+"""The moves of one of them."""
+RESTART_EVERY = 12
+"""In so many rounds each lane starts afresh once."""
+TRIALS, TRIALS_AFTER_START = 8, 16
+"""Neighbourhoods that are annealed again in one task, in about two hundredths of a second."""
+MOVES_PER_HOST = 500
+WARM_ROUNDS, WARM_TRIALS, SHAKE_MOVES = 4, 3, 8_000
+"""The first rounds from an earlier placement are short ones: little may be left to do."""
 REACH_M = 25.0
 """The longest steps of hosts at the start of an anneal."""
 WORTH_GOING_ON = 1e-4
@@ -76,7 +80,6 @@ class Course:
         self.pool = Pool()
         self.round = 0
         self._scratch = [[new_state(len(q.weight), n_hosts) for _ in range(3)] for _ in range(LANES)]
-        self._tries = round(ROUND_MOVES / (MEAN_NEIGHBOURHOOD * MOVES_PER_HOST))
         self._warm = False
 
     def start_from(self, state: State) -> None:
@@ -98,25 +101,27 @@ class Course:
         """Start afresh, or improve the best, or one of the others, as the course has it."""
         state, trial, spare = self._scratch[lane]
         chance = seeded(self.seed, self.n_hosts, self.round, lane)
-        step = self.round % 8
+        step = self.round % RESTART_EVERY
         states = self.pool.states
-        if not states or (self.round < 3 and not (self._warm and lane == 0)) or step == (7 if lane == 0 else 5):
-            if self._warm and self.round == 0:
-                copy_state(states[0], trial)
-                shake(self.q, state, trial, SHAKE_MOVES, 0.2, REACH_M, chance)
-            else:
-                self._start(state, trial, spare, chance)
+        trials = WARM_TRIALS if self._warm and self.round < WARM_ROUNDS else TRIALS
+        if not states or (self.round == 0 and not self._warm) or step == (lane + 1) * RESTART_EVERY // LANES - 1:
+            self._start(state, trial, spare, chance)
+            trials = TRIALS_AFTER_START
+        elif self._warm and self.round == 0 and lane > 0:
+            copy_state(states[0], trial)
+            shake(self.q, state, trial, SHAKE_MOVES, 0.2, REACH_M, chance)
         else:
             choice = 0 if lane == 0 or step % 2 == 0 else (self.round // 2) % len(states)
             copy_state(states[choice], state)
-        improve(self.q, state, trial, spare, self._tries, MOVES_PER_HOST, REACH_M, chance)
+        improve(self.q, state, trial, spare, trials, MOVES_PER_HOST, REACH_M, chance)
         return state
 
     def _start(self, state: State, trial: State, spare: State, chance: Chance) -> None:
         """Leave the best of some short anneals from random poses in ``state``."""
         least = (math.inf, math.inf)
-        for _ in range(STARTS):
-            fresh(self.q, spare, trial, START_MOVES, 0.5, 1e-3, REACH_M, chance)
+        moves = max(SHORTEST_START, MOVES_PER_THREAT * len(self.q.weight))
+        for _ in range(max(1, START_MOVES // moves)):
+            fresh(self.q, spare, trial, moves, 0.5, 1e-3, REACH_M, chance)
             cost, violation = totals(self.q, spare)
             if (violation, cost) < least:
                 least = (violation, cost)

@@ -20,10 +20,12 @@ from hsop_gcs.placement.search.rounds import LANES, Course, run
 from hsop_gcs.placement.solution import Placement, Status, worst_error_m
 
 PROVEN_GAP = 1e-3
-ROUNDS_BEFORE_PROOF = 3
-WORTH_A_PROOF = 1.1
+ROUNDS_BEFORE_PROOF = 6
+WORTH_A_PROOF = 1.3
 """A placement within this factor of the first bound may be optimal: then a thorough bound is worth its time."""
-PATIENCE_PER_THREAT = 2
+PROOF_S_PER_THREAT = 0.3
+"""What must be left for a thorough bound, several times what it takes."""
+PATIENCE_PER_THREAT = 4
 """A search is settled when so many rounds for each threat have gained nothing."""
 
 
@@ -66,12 +68,13 @@ def search(
         if n_hosts is None:
             first = None if flown is None else len(flown.hosts)
             number = least_acceptable(courses, numbers, wanted.accepts, executor, first)
-        bound = lower_bound(q, executor, thorough=False)
         course = None if number is None else courses.course(number)
         if course is not None:
             left = None if iterations is None else max(0, iterations - course.round)
             patience = PATIENCE_PER_THREAT * len(problem.threats) if until_settled else None
-            bound = _run_until_proven(course, executor, deadline, now, left, bound, patience)
+            bound = _run_until_proven(course, executor, deadline, now, left, patience)
+        else:
+            bound = lower_bound(q, executor, thorough=False)
     best = None if course is None else wanted.best(course)
     answer = _answer(problem, frame, q, best, bound, seed, now() - started, n_hosts, most)
     return replace(answer, iterations=0 if course is None else course.round)
@@ -200,14 +203,15 @@ def _run_until_proven(
     deadline: float,
     now: Callable[[], float],
     rounds: int | None,
-    bound: float,
     patience: int | None,
 ) -> float:
     """Run the course to its end, or until its best is proven optimal. Returns the bound, raised for a proof."""
+    bound = lower_bound(course.q, executor, thorough=False)
     first = ROUNDS_BEFORE_PROOF if rounds is None else min(rounds, ROUNDS_BEFORE_PROOF)
     run(course, executor, deadline=deadline, now=now, rounds=first)
     best = course.pool.best
-    if best is not None and best.cost.sum() <= bound * WORTH_A_PROOF and now() < deadline:
+    time_for_proof = now() + PROOF_S_PER_THREAT * len(course.q.weight) < deadline
+    if best is not None and best.cost.sum() <= bound * WORTH_A_PROOF and time_for_proof:
         bound = lower_bound(course.q, executor, thorough=True)
         if best.cost.sum() <= bound * (1 + PROVEN_GAP):
             return bound

@@ -40,7 +40,7 @@ def annealed(problem: Problem, hosts: int, seed: int, moves: int = 20_000) -> tu
     state, best, chance = new_state(len(q.weight), hosts), new_state(len(q.weight), hosts), seeded(seed)
     scatter(q, state, chance)
     everybody, everything = np.arange(hosts), np.arange(len(q.weight))
-    anneal(q, state, best, everybody, everything, moves, 0.5, 1e-3, 25.0, 3.0, chance)
+    anneal(q, state, best, everybody, everything, moves, 0.5, 1e-3, 25.0, 15.0, chance)
     return q, best
 
 
