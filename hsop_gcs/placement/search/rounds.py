@@ -16,17 +16,18 @@ from hsop_gcs.placement.search.neighbourhood import fresh, improve, shake
 
 LANES = 2
 POOL = 8
-START_MOVES = 48_000
-"""Moves of the anneals from random poses in one task, all together."""
+STARTS = 2
+"""Anneals from random poses in one task, of which the best is improved."""
 SHORTEST_START, MOVES_PER_THREAT = 8_000, 2_400
-"""The moves of one of them."""
-RESTART_EVERY = 12
-"""In so many rounds each lane starts afresh once."""
-TRIALS, TRIALS_AFTER_START = 8, 16
-"""Neighbourhoods that are annealed again in one task, in about two hundredths of a second."""
+EVERY_LANE = -1
+RESTART_EVERY = 6
+"""One lane starts afresh in every so many rounds."""
+TRIALS, TRIALS_AFTER_START, TRIALS_MEANWHILE = 8, 12, 20
+"""Neighbourhoods that are annealed again in one task, in about two hundredths of a second; while another starts afresh,
+as many as take the same time."""
 MOVES_PER_HOST = 500
-WARM_ROUNDS, WARM_TRIALS, SHAKE_MOVES = 4, 3, 8_000
-"""The first rounds from an earlier placement are short ones: little may be left to do."""
+WARM_TRIALS, SHAKE_MOVES = 3, 8_000
+"""The first round from an earlier placement is a short one: little may be left to do."""
 REACH_M = 25.0
 """The longest steps of hosts at the start of an anneal."""
 WORTH_GOING_ON = 1e-4
@@ -101,26 +102,43 @@ class Course:
         """Start afresh, or improve the best, or one of the others, as the course has it."""
         state, trial, spare = self._scratch[lane]
         chance = seeded(self.seed, self.n_hosts, self.round, lane)
-        step = self.round % RESTART_EVERY
         states = self.pool.states
-        trials = WARM_TRIALS if self._warm and self.round < WARM_ROUNDS else TRIALS
-        if not states or (self.round == 0 and not self._warm) or step == (lane + 1) * RESTART_EVERY // LANES - 1:
+        starting = self._starting_lane()
+        if not states or starting in (EVERY_LANE, lane):
             self._start(state, trial, spare, chance)
             trials = TRIALS_AFTER_START
-        elif self._warm and self.round == 0 and lane > 0:
-            copy_state(states[0], trial)
-            shake(self.q, state, trial, SHAKE_MOVES, 0.2, REACH_M, chance)
+        elif self._warm and self.round == 0:
+            trials = WARM_TRIALS
+            copy_state(states[0], state)
+            if lane > 0:
+                copy_state(states[0], trial)
+                shake(self.q, state, trial, SHAKE_MOVES, 0.2, REACH_M, chance)
         else:
-            choice = 0 if lane == 0 or step % 2 == 0 else (self.round // 2) % len(states)
+            trials = TRIALS if starting is None else TRIALS_MEANWHILE
+            choice = 0 if lane == 0 or self.round % 2 == 0 else (self.round // 2) % len(states)
             copy_state(states[choice], state)
         improve(self.q, state, trial, spare, trials, MOVES_PER_HOST, REACH_M, chance)
         return state
+
+    @property
+    def effort(self) -> int:
+        """How long the next round takes, in trials."""
+        return TRIALS if self._starting_lane() is None else TRIALS_MEANWHILE
+
+    def _starting_lane(self) -> int | None:
+        """Return which lane starts afresh in this round: in turns, soon after an earlier placement, at first all."""
+        if self.round == 0:
+            return None if self._warm else EVERY_LANE
+        if self._warm and self.round == 1:
+            return LANES - 1
+        turn, step = divmod(self.round, RESTART_EVERY)
+        return turn % LANES if step == RESTART_EVERY - 1 else None
 
     def _start(self, state: State, trial: State, spare: State, chance: Chance) -> None:
         """Leave the best of some short anneals from random poses in ``state``."""
         least = (math.inf, math.inf)
         moves = max(SHORTEST_START, MOVES_PER_THREAT * len(self.q.weight))
-        for _ in range(max(1, START_MOVES // moves)):
+        for _ in range(STARTS):
             fresh(self.q, spare, trial, moves, 0.5, 1e-3, REACH_M, chance)
             cost, violation = totals(self.q, spare)
             if (violation, cost) < least:
@@ -141,15 +159,15 @@ def run(
 
     patience: end after so many rounds in a row that gained nothing.
     """
-    count, idle, slowest = 0, 0, 0.0
+    count, idle, per_trial_s = 0, 0, 0.0
     while True:
         started = now()
         if (rounds is not None and count >= rounds) or (patience is not None and idle >= patience):
             return
-        if course.round > 0 and started + slowest > deadline:
+        if course.round > 0 and started + per_trial_s * course.effort > deadline:
             return
-        before = course.pool.cost
+        before, effort = course.pool.cost, course.effort
         course.advance(executor)
         count += 1
         idle = 0 if course.pool.cost < before * (1 - WORTH_GOING_ON) else idle + 1
-        slowest = max(0.7 * slowest, now() - started)
+        per_trial_s = max(0.7 * per_trial_s, (now() - started) / effort)
