@@ -116,7 +116,7 @@ def hand_over(q: Question, s: State, host: int, marks: Ints, price: float) -> bo
 
 
 def transfer(q: Question, s: State, threat: int, marks: Ints, chance: Chance) -> bool:
-    """Take a host from what it sees, wherever it is, and give it one view of a threat; False, and ``s`` as it was.
+    """Take a host from what it sees, wherever it is, and give it one view of a threat; False, ``s`` spoilt, if it fails.
 
     Marks the hosts that this concerns. Only a threat that shares a host can be given one of its own.
     """
@@ -164,7 +164,7 @@ def improve(
         elif uniform(chance) < 0.5:
             mark_nearest(q, s, below(chance, threats), 1 + below(chance, 3), marks)
         chosen = marked(marks)
-        inside = marked(marks[trial.pairs].all(axis=1))
+        inside = marked(marks[trial.pairs].min(axis=1))
         here = s.cost[inside].sum()
         hot = 10 ** (COOLEST + (HOTTEST - COOLEST) * uniform(chance))
         stiffness = MENDING_STIFFNESS if violation > 0 else STIFFNESS
