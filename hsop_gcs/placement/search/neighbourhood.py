@@ -116,9 +116,9 @@ def hand_over(q: Question, s: State, host: int, marks: Ints, price: float) -> bo
 
 
 def transfer(q: Question, s: State, threat: int, marks: Ints, chance: Chance) -> bool:
-    """Take a host from what it sees, wherever it is, and give it one view of a threat; False, ``s`` spoilt, if it fails.
+    """Take a host from what it sees, wherever it is, and give it one view of a threat; False if that fails.
 
-    Marks the hosts that this concerns. Only a threat that shares a host can be given one of its own.
+    Marks the hosts that this concerns; ``s`` is spoilt if it fails. Only a threat that shares a host is given one.
     """
     end = below(chance, 2)
     if s.degree[s.pairs[threat, end]] == 1:
