@@ -190,7 +190,7 @@ def test_a_fence_text_long_after_is_about_something_else(bench: Bench) -> None:
 
 def test_no_answer_at_all_is_a_failure(bench: Bench) -> None:
     bench.order()
-    bench.run(8.0)
+    bench.run(INSISTENT * CommandLimits().reply_s + 0.5)
     assert "no reply" in bench.reason()
     assert len([message for message in bench.sent if isinstance(message, CommandInt)]) == INSISTENT
 
