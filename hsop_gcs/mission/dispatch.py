@@ -119,7 +119,7 @@ def progressed(progress: OrderProgress, event: Event) -> OrderProgress:
             return replace(progress, status=OrderStatus.ON_STATION, note="")
         case Drifted(problem=problem):
             return replace(progress, status=OrderStatus.ACCEPTED, note=problem)
-        case GimbalOffTarget():
+        case GimbalOffTarget() if progress.status is OrderStatus.ON_STATION:
             return replace(progress, status=OrderStatus.ARRIVED, note="gimbal off target")
         case GimbalFailed(reason=reason) | OrderFailed(reason=reason):
             return replace(progress, status=OrderStatus.FAILED, note=reason)

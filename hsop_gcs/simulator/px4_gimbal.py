@@ -115,17 +115,18 @@ class Px4GimbalManager:
         return MavResult.ACCEPTED
 
     def _information(self) -> GimbalManagerInformation:
-        """Degrees, where the message's definition wants radians. An endless yaw is told as one turn either way."""
+        """Degrees, where the message's definition wants radians, and the whole range to either side."""
         limits = self._vehicle.config.gimbal
-        yaw_min, yaw_max = math.degrees(limits.yaw_min_rad), math.degrees(limits.yaw_max_rad)
+        pitch = (math.degrees(limits.pitch_min_rad), math.degrees(limits.pitch_max_rad))
+        told = 2.0 if pitch[0] == -pitch[1] else 1.0
         return GimbalManagerInformation(
             time_boot_ms=self._vehicle.boot_ms,
             cap_flags=132530,
             gimbal_device_id=1,
-            pitch_min=math.degrees(limits.pitch_min_rad),
-            pitch_max=math.degrees(limits.pitch_max_rad),
-            yaw_min=-360.0 if limits.full_circle else yaw_min,
-            yaw_max=360.0 if limits.full_circle else yaw_max,
+            pitch_min=told * pitch[0],
+            pitch_max=told * pitch[1],
+            yaw_min=2.0 * math.degrees(limits.yaw_min_rad),
+            yaw_max=2.0 * math.degrees(limits.yaw_max_rad),
         )
 
     def _status(self) -> GimbalManagerStatus:

@@ -55,6 +55,8 @@ class Vehicle(Body):
 
     AUTOPILOT: MavAutopilot
     GPS_FIX: int
+    HOME_KNOWN_AFTER: float
+    """When home is told, as a share of the time until the vehicle is ready to fly."""
 
     def __init__(
         self,
@@ -276,6 +278,8 @@ class Vehicle(Body):
         )
 
     def _home_position(self) -> HomePosition | None:
+        if not self.ready and self.since_boot_s < self.HOME_KNOWN_AFTER * self.config.ready_after_s:
+            return None
         east, north, up = (float(value) for value in self.local.to_enu(self.home))
         return HomePosition(
             latitude=e7(self.home.lat_deg),

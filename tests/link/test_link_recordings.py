@@ -105,4 +105,4 @@ def test_the_recorded_gimbal_limits_are_degrees_in_one_and_radians_in_the_other(
                     assert adapter is not None
                     limits = adapter.gimbal_limits(frame.message)
                     spans[system] = (round(limits.tilt_min_deg), round(limits.tilt_max_deg), round(limits.pan_max_deg))
-    assert spans == {11: (-90, 90, 360), 1: (-90, 45, 170)}
+    assert spans == {11: (-45, 45, 180), 1: (-90, 45, 170)}

@@ -237,9 +237,11 @@ def test_a_gimbal_that_counts_from_an_unknown_nose_says_nothing() -> None:
     assert gimbal_aim(GimbalDeviceAttitudeStatus(q=(0.0,) * 4), 0.0) is None
 
 
-def test_px4s_gimbal_limits_in_degrees_are_recognized_and_radians_too() -> None:
-    degrees = PX4.gimbal_limits(GimbalManagerInformation(pitch_min=-90, pitch_max=90, yaw_min=-360, yaw_max=360))
+def test_px4s_gimbal_limits_in_degrees_are_ranges_and_radians_are_limits() -> None:
+    degrees = PX4.gimbal_limits(GimbalManagerInformation(pitch_min=-180, pitch_max=180, yaw_min=-720, yaw_max=720))
     assert (degrees.tilt_min_deg, degrees.pan_max_deg) == (-90.0, 360.0)
+    two_limits = PX4.gimbal_limits(GimbalManagerInformation(pitch_min=-90, pitch_max=45, yaw_min=-360, yaw_max=360))
+    assert (two_limits.tilt_min_deg, two_limits.tilt_max_deg, two_limits.pan_max_deg) == (-90.0, 45.0, 180.0)
     radians = PX4.gimbal_limits(
         GimbalManagerInformation(pitch_min=-1, pitch_max=0.5, yaw_min=-math.pi, yaw_max=math.pi)
     )

@@ -111,7 +111,7 @@ PX4 = Flight(
     first_command_s=0.216,
     booted_before_s=33.94,
     ready_after_s=5.0,
-    gimbal=GimbalLimits(slew_rad_s=math.inf),
+    gimbal=GimbalLimits(pitch_min_rad=math.radians(-45), pitch_max_rad=math.radians(45), slew_rad_s=math.inf),
     gimbal_settled_at_s=(30.0, 33.1, 36.2, 39.2, 42.2, 50.0, 57.0),
     hovers_at_s=(33.0, 42.0),
     heading_settled_at_s=(28.0, 33.0, 42.0, 52.0),

@@ -223,10 +223,12 @@ def test_set_attitude_is_obeyed_from_the_controller_alone_and_set_pitchyaw_from_
     assert aim(hovering) == pytest.approx((-15.0, 60.0), abs=0.1)
 
 
-def test_gimbal_limits_are_told_in_degrees_and_the_device_tells_nothing(hovering: Station) -> None:
+def test_gimbal_limits_are_told_in_degrees_twice_as_far_as_it_turns_and_the_device_tells_nothing(
+    hovering: Station,
+) -> None:
     assert hovering.command_long(MavCmd.REQUEST_MESSAGE, param1=280.0) == MavResult.ACCEPTED
     told = hovering.last(GimbalManagerInformation)
-    assert (told.pitch_min, told.pitch_max, told.yaw_min, told.yaw_max) == pytest.approx((-90, 90, -360, 360))
+    assert (told.pitch_min, told.pitch_max, told.yaw_min, told.yaw_max) == pytest.approx((-180, 180, -360, 360))
     assert hovering.command_long(MavCmd.REQUEST_MESSAGE, param1=283.0) == MavResult.DENIED
 
 

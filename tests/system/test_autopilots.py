@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -108,12 +108,14 @@ def hosts_of(client: httpx2.Client) -> dict[str, Json]:
     return {host["id"]: host for host in client.get("/api/v1/hosts").raise_for_status().json()}
 
 
-def flying_plan(client: httpx2.Client, differs_from: str | None) -> Callable[[], Json | None]:
+def next_plan(client: httpx2.Client, after: str | None) -> Json:
+    """Wait for a plan that flies and is not the given one."""
+
     def look() -> Json | None:
         plan: Json | None = client.get("/api/v1/plan").raise_for_status().json()["flying"]
-        return plan if plan is not None and plan["id"] != differs_from else None
+        return plan if plan is not None and plan["id"] != after else None
 
-    return look
+    return wait_until(look, limit_s=FLIGHT_S)
 
 
 def settled(client: httpx2.Client, what: str) -> tuple[str, set[str]]:
@@ -203,26 +205,26 @@ def test_real_autopilots_take_off_hover_where_planned_are_replanned_and_lose_one
         radar.start()
         try:
             radar.threats_m |= {"t1": (20.0, 90.0, 45.0), "t2": (-70.0, 20.0, 50.0)}
-            wait_until(flying_plan(client, None))
+            next_plan(client, None)
             plan_id, been_on_station = settled(client, "two threats")
 
             radar.threats_m["t3"] = (40.0, -80.0, 40.0)
-            wait_until(flying_plan(client, plan_id))
+            next_plan(client, plan_id)
             plan_id, hosts = settled(client, "a third one")
             been_on_station |= hosts
 
             radar.threats_m["t1"] = (70.0, 60.0, 45.0)
-            wait_until(flying_plan(client, plan_id))
+            next_plan(client, plan_id)
             plan_id, hosts = settled(client, "the first one elsewhere")
             been_on_station |= hosts
             assert been_on_station == everybody
 
             radar.threats_m["t2"] = (-80.0, -30.0, 50.0)
-            plan = wait_until(flying_plan(client, plan_id))
+            plan = next_plan(client, plan_id)
             lost = next(vehicle for vehicle in vehicles if vehicle.id == plan["orders"][0]["host"])
             wait_until(lambda: hosts_of(client)[lost.id]["order"]["status"] == "accepted")
             lost.kill()
-            wait_until(flying_plan(client, plan["id"]), limit_s=FLIGHT_S)
+            next_plan(client, plan["id"])
             _, hosts = settled(client, f"the second one elsewhere, and {lost.id} killed on the way there")
             assert hosts <= everybody - {lost.id}
             assert not hosts_of(client)[lost.id]["available"]

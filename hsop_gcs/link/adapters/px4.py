@@ -36,11 +36,23 @@ def _mode_name(custom_mode: int) -> str:
 
 
 def _gimbal_limits(information: GimbalManagerInformation) -> GimbalLimits:
-    """PX4 1.16 sends degrees where the message means radians; a size that no radian limit has gives it away."""
-    limits = (information.pitch_min, information.pitch_max, information.yaw_min, information.yaw_max)
-    in_degrees = max(abs(limit) for limit in limits) > 2 * math.pi + 1e-3
-    tilt_min, tilt_max, pan_min, pan_max = (limit if in_degrees else math.degrees(limit) for limit in limits)
-    return GimbalLimits(tilt_min_deg=tilt_min, tilt_max_deg=tilt_max, pan_min_deg=pan_min, pan_max_deg=pan_max)
+    """A gimbal on PX4's own outputs is told in degrees where the message means radians, and twice as far as it turns.
+
+    It tells MNT_RANGE_PITCH and MNT_RANGE_YAW to either side and stops at half of them. A size that no limit in radians
+    has gives it away; a pitch with two different limits is no such range.
+    """
+    tilt = (information.pitch_min, information.pitch_max)
+    pan = (information.yaw_min, information.yaw_max)
+    in_degrees = max(abs(limit) for limit in tilt + pan) > 2 * math.pi + 1e-3
+    tilt_scale = pan_scale = math.degrees(1.0)
+    if in_degrees:
+        tilt_scale, pan_scale = 0.5 if tilt[0] == -tilt[1] else 1.0, 0.5
+    return GimbalLimits(
+        tilt_min_deg=tilt_scale * tilt[0],
+        tilt_max_deg=tilt_scale * tilt[1],
+        pan_min_deg=pan_scale * pan[0],
+        pan_max_deg=pan_scale * pan[1],
+    )
 
 
 PX4 = Adapter(
