@@ -55,6 +55,7 @@ class UdpTransport(asyncio.DatagramProtocol):
         """Datagrams the network refused, most often because nobody listens on the other side yet."""
         self._on_bytes = on_bytes
         self._transport: asyncio.DatagramTransport | None = None
+        self._closed = asyncio.Event()
 
     async def open(self) -> None:
         """Open the socket. Raises Unavailable saying which endpoint and why."""
@@ -93,9 +94,15 @@ class UdpTransport(asyncio.DatagramProtocol):
             self._transport.sendto(data, to)
 
     async def close(self) -> None:
-        """Close the socket."""
+        """Close the socket; its port is free when this returns."""
         if self._transport is not None:
             self._transport.close()
+            await self._closed.wait()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Called by asyncio."""
+        del exc
+        self._closed.set()
 
     def datagram_received(self, data: bytes, addr: tuple[str, int] | tuple[str, int, int, int]) -> None:
         """Called by asyncio."""

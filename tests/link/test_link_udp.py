@@ -70,6 +70,16 @@ def test_a_port_that_is_taken_is_named() -> None:
         asyncio.run(scenario())
 
 
+def test_a_closed_link_has_given_its_port_back() -> None:
+    async def scenario() -> None:
+        async with Link(["udpin:127.0.0.1:0"], [1]) as link:
+            _, port = link.addresses[0]
+        async with Link([f"udpin:127.0.0.1:{port}"], [1]) as link:
+            assert link.addresses[0][1] == port
+
+    asyncio.run(scenario())
+
+
 def test_a_listening_link_answers_where_it_was_spoken_to_from() -> None:
     async def scenario() -> None:
         events: list[Event] = []
