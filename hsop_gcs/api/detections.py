@@ -8,9 +8,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from hsop_gcs.api.intake import one_or_many
 from hsop_gcs.api.problems import faults_of
 from hsop_gcs.api.schemas import FieldFault, Number, UtcTime
-from hsop_gcs.cameras.rig import CameraKind
+from hsop_gcs.cameras.rig import PIXEL_NOISE_PX, CameraKind
 from hsop_gcs.detections import Detection, Direction, Fate, Lens, Pixel, Verdict
-from hsop_gcs.detections.detection import SIGMA_DEG, SIGMA_PX
+from hsop_gcs.detections.detection import SIGMA_DEG
 from hsop_gcs.errors import BadInput
 from hsop_gcs.fleet import Fleet
 
@@ -151,7 +151,7 @@ def _seen(given: DetectionIn) -> Pixel | Direction:
         raise BadInput("pixel", "needed, as there is no bearing")
     if given.camera is CameraKind.PERIPHERAL and given.lens is None:
         raise BadInput("lens", "needed with a pixel of the peripheral camera: front or back")
-    sigma_px = given.pixel.sigma_px or SIGMA_PX[given.camera]
+    sigma_px = given.pixel.sigma_px or PIXEL_NOISE_PX[given.camera]
     return Pixel(u_px=given.pixel.u_px, v_px=given.pixel.v_px, sigma_px=sigma_px)
 
 

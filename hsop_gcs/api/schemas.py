@@ -141,6 +141,8 @@ class OrderOut(BaseModel):
     heading_deg: float
     aim: AimOut | None
     views: list[ViewOut]
+    more_views: list[ViewOut]
+    """What is seen beyond the pairs and fused into the fixes."""
     hover_error_m: float | None
     heading_error_deg: float | None
     gimbal_error_deg: float | None
@@ -199,6 +201,8 @@ class HoverOut(BaseModel):
     heading_deg: float
     aim: AimOut | None
     views: list[ViewOut]
+    more_views: list[ViewOut]
+    """What is seen beyond the pairs and fused into the fixes."""
 
 
 class PlanOut(BaseModel):

@@ -239,6 +239,7 @@ def _hover(order: HostOrder, mission: Mission) -> HoverOut:
         heading_deg=order.heading_deg,
         aim=_aim(order.aim),
         views=_views(order.views),
+        more_views=_views(order.more_views),
     )
 
 
@@ -255,6 +256,7 @@ def _order(host: Host, progress: OrderProgress, mission: Mission) -> OrderOut:
         heading_deg=progress.order.heading_deg,
         aim=_aim(progress.order.aim),
         views=_views(progress.order.views),
+        more_views=_views(progress.order.more_views),
         hover_error_m=None if errors is None else _distance(errors.horizontal_error_m, errors.vertical_error_m),
         heading_error_deg=None if errors is None else errors.heading_error_deg,
         gimbal_error_deg=_gimbal_error_deg(host, mission, errors),

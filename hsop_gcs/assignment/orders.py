@@ -27,6 +27,8 @@ class HostOrder:
     """None: this plan does not use the central camera."""
     views: tuple[tuple[str, CameraKind], ...]
     """Which threat by which camera."""
+    more_views: tuple[tuple[str, CameraKind], ...] = ()
+    """The same, beyond the pairs: what the camera sees from there as well, fused into the threat's fix."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,8 +81,12 @@ def order_for(
     host: str, pose: HoverPose, placement: Placement, threats: tuple[Threat, ...], horizon_s: float
 ) -> HostOrder:
     """Return the order that sends a host to one of the placement's poses."""
-    views = tuple(
-        (pair.threat, view.camera) for pair in placement.pairs for view in pair.views if view.host == pose.host
+    views, more = (
+        tuple((threat, view.camera) for threat, view in seen if view.host == pose.host)
+        for seen in (
+            [(pair.threat, view) for pair in placement.pairs for view in pair.views],
+            [(pair.threat, view) for pair in placement.pairs for view in pair.more_views],
+        )
     )
     central = [threat for threat in threats if (threat.id, CameraKind.CENTRAL) in views]
     return HostOrder(
@@ -89,6 +95,7 @@ def order_for(
         heading_deg=pose.heading_deg,
         aim=_central_aim(placement, pose, central, horizon_s) if pose.pan_deg is not None and central else None,
         views=views,
+        more_views=more,
     )
 
 

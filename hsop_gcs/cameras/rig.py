@@ -18,6 +18,10 @@ class CameraKind(StrEnum):
     CENTRAL = "central"
 
 
+PIXEL_NOISE_PX = {CameraKind.PERIPHERAL: 30.0, CameraKind.CENTRAL: 3.0}
+"""Standard deviation of an image point, each axis, where the detector does not say (letter, section V)."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraRig:
     """Two fisheyes on the host's heading and its opposite, and one pan-tilt camera. Raises BadInput for its limits."""

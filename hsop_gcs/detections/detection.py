@@ -6,10 +6,8 @@ from enum import StrEnum
 from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.errors import BadInput
 
-SIGMA_PX = {CameraKind.PERIPHERAL: 30.0, CameraKind.CENTRAL: 3.0}
-"""Standard deviation of an image point, each axis, where the detector does not say (letter, section V)."""
 SIGMA_DEG = 3.0
-"""The same for a direction, across it, each of the two axes."""
+"""Standard deviation of a direction, across it, each of the two axes, where the detector does not say."""
 
 
 class Lens(StrEnum):

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from hsop_gcs.cameras.rig import CameraKind, CameraRig
+from hsop_gcs.cameras.rig import PIXEL_NOISE_PX, CameraKind, CameraRig
 from hsop_gcs.geometry.frames import Aim
 from hsop_gcs.placement.problem import Formulation, Problem, Threat
 from hsop_gcs.placement.solution import HoverPose, View
@@ -21,9 +21,6 @@ from hsop_gcs.placement.solution import HoverPose, View
 FloatArray = npt.NDArray[np.float64]
 Views = Mapping[str, tuple[View, View]]
 """Threat id to the two views that triangulate it: a pair set with its cameras."""
-
-PIXEL_NOISE_PX = {CameraKind.PERIPHERAL: 30.0, CameraKind.CENTRAL: 3.0}
-"""Standard deviation of a threat's place in the image, each axis (letter, section V)."""
 
 
 class Eye(NamedTuple):

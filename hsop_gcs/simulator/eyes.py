@@ -12,10 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from hsop_gcs.cameras.rig import CameraKind, CameraRig
+from hsop_gcs.cameras.rig import PIXEL_NOISE_PX, CameraKind, CameraRig
 from hsop_gcs.cameras.sight import FloatArray
 from hsop_gcs.detections import Detection, Direction, Lens, Pixel, Pose
-from hsop_gcs.detections.detection import SIGMA_PX
 from hsop_gcs.detections.ray import image_size_px, sight_of
 from hsop_gcs.simulator.truth import TrueState
 
@@ -51,7 +50,7 @@ def look(
                 pixel = image(viewer.pose, threat, viewer.rig, camera, lens)
                 if pixel is None:
                     continue
-                sigma_px = SIGMA_PX[camera]
+                sigma_px = PIXEL_NOISE_PX[camera]
                 u_px, v_px = (pixel + noise * sigma_px * rng.standard_normal(2)).tolist()
                 if _on_sensor(u_px, v_px, viewer.rig, camera):
                     seen = Pixel(u_px=u_px, v_px=v_px, sigma_px=sigma_px)

@@ -4,10 +4,9 @@ import math
 
 import numpy as np
 
-from hsop_gcs.cameras.rig import CameraKind, CameraRig
+from hsop_gcs.cameras.rig import PIXEL_NOISE_PX, CameraKind, CameraRig
 from hsop_gcs.cameras.sight import FloatArray, Sight, central_sight, fisheye_sight
 from hsop_gcs.placement.objective import (
-    PIXEL_NOISE_PX,
     Eye,
     angle_from_central_axis,
     angle_from_nearer_boresight,

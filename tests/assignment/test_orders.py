@@ -73,6 +73,17 @@ def test_a_placement_in_space_is_aimed_as_it_says() -> None:
     assert [(order.aim.pan_deg, order.aim.tilt_deg) for order in orders if order.aim] == [(0.0, -12.0), (90.0, -12.0)]
 
 
+def test_an_order_says_what_is_seen_beyond_the_pairs() -> None:
+    more = View(host="b", camera=CameraKind.PERIPHERAL)
+    fused = replace(PLACEMENT, pairs=tuple(replace(pair, more_views=(more,)) for pair in PLACEMENT.pairs))
+    orders = ordered((mover("h1", -60, 0, 50), mover("h2", 0, -60, 20)), placed=fused)
+    assert not isinstance(orders, NoSafeFlight)
+    assert {order.host: order.more_views for order in orders} == {
+        "h2": (),
+        "h1": (("t1", CameraKind.PERIPHERAL),),
+    }
+
+
 def test_a_plan_that_uses_no_central_camera_aims_none() -> None:
     peripheral = placement(*PLACEMENT.hosts, camera=CameraKind.PERIPHERAL)
     orders = orders_for(

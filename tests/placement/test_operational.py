@@ -300,6 +300,21 @@ def test_more_views_make_better_fixes_of_the_same_placement_and_all_of_them_see(
     assert all(len(pair.more_views) <= 1 for pair in three.pairs)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_with_more_views_the_error_that_is_minimised_is_that_of_the_fused_fix(seed: int) -> None:
+    pairs_only = Problem(
+        threats=flying(3, seed), airspace=Airspace(floor_m=5.0, ceiling_m=100.0), objective=Objective.RMS
+    )
+    everything = replace(pairs_only, max_views=8)
+    two, many = solve(pairs_only, 5, rounds=3), solve(everything, 5, rounds=3)
+    assert_flyable(everything, many)
+    assert many.cost == pytest.approx(sum(pair.expected_error_m or math.inf for pair in many.pairs), rel=1e-12)
+    held = held_over(two, everything)
+    assert held is not None
+    assert (many.cost or math.inf) <= (held.cost or 0.0) <= (two.cost or 0.0)
+    assert 0 < many.lower_bound <= (many.cost or 0.0)
+
+
 def test_the_nearest_hosts_are_named_for_hover_points_in_space() -> None:
     hosts = tuple(
         AvailableHost(id=n, position_m=(e, 0.0, 40.0)) for n, e in (("far", 900.0), ("w", -40.0), ("e", 40.0))

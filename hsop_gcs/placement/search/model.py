@@ -55,6 +55,8 @@ class Question(NamedTuple):
     whole_path: bool
     """The safety distance holds for every host to every threat's path, not only to the points it sees."""
     rms: bool
+    power: float
+    """Of a threat's expected error in its cost, rms only; a high one makes the largest errors count."""
     position_sigma_m: float
     """Of a host's own position, each axis; rms only."""
     plane: bool
@@ -103,7 +105,9 @@ def distance_factor(q: Question, lens: int, threat: int, d: float) -> float:
 
 @lean_kernel
 def threat_cost(q: Question, threat: int, both_points: float) -> float:
-    """Return a threat's cost from the sum over its points; rms: weight times the root of their mean."""
+    """Return a threat's cost from the sum over its points; rms: weight times the power of the root of their mean."""
+    if q.rms and q.power != 1:
+        return float(q.weight[threat] * (0.5 * both_points) ** (0.5 * q.power))
     if q.rms:
         return float(q.weight[threat] * math.sqrt(0.5 * both_points))
     return float(q.weight[threat] * both_points)

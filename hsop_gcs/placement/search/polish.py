@@ -145,7 +145,7 @@ def element(q: Question, e: Ints, poses: Floats, g: Floats, work: Floats) -> flo
             g[3] += by_a * work[1, 4]
             g[7] += by_b * work[4, 4]
         cost = threat_cost(q, threat, total)
-        g *= 0.25 * q.weight[threat] ** 2 / cost if q.rms else q.weight[threat]
+        g *= 0.5 * q.power * cost / total if q.rms else q.weight[threat]
         return cost
     if kind == PIXELS:
         view_terms(q, e[3], e[4], poses, i, e[5], work[0], work[1], work[2])

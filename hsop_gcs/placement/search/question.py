@@ -1,6 +1,7 @@
 """From a ``Problem`` to the arrays of the kernels, and from a state of the search to a ``Placement``."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from hsop_gcs.placement.search.frame import GRID_M, Frame
 from hsop_gcs.placement.search.model import CENTRAL, PERIPHERAL, Floats, Question, central_aim, view_window
 from hsop_gcs.placement.solution import HoverPose, Placement, View
 
+TARGET_POWER = 8.0
 STRICTER = 1e-7
 """The search keeps so much more of every rule without a length, relative or in radians, than asked."""
 
@@ -62,6 +64,7 @@ def question_of(problem: Problem, frame: Frame) -> Question:
         separation_m=problem.min_separation_m + STRICTER_M if operational and problem.min_separation_m > 0 else 0.0,
         whole_path=operational,
         rms=rms,
+        power=1.0,
         position_sigma_m=problem.position_sigma_m,
         plane=not limited
         and floor_m == ceiling_m
@@ -71,6 +74,12 @@ def question_of(problem: Problem, frame: Frame) -> Question:
         sides_m=sides,
         areas=areas,
     )
+
+
+def aimed_at(problem: Problem, frame: Frame, target_error_m: float) -> Question:
+    """Return the question whose cost is governed by the largest expected error; below 1, all are within the target."""
+    q = question_of(replace(problem, objective=Objective.RMS), frame)
+    return q._replace(power=TARGET_POWER, weight=np.full(len(q.weight), target_error_m**-TARGET_POWER))
 
 
 def _gimbals(problem: Problem, frame: Frame) -> tuple[Floats, bool]:

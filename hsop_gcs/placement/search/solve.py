@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from hsop_gcs.placement.airspace import Airspace
+from hsop_gcs.placement.fusion import fused_lower_bound, fuses
 from hsop_gcs.placement.problem import Formulation, Problem, Threat
 from hsop_gcs.placement.search.anneal import State, new_state
 from hsop_gcs.placement.search.bounds import fewest_hosts, lower_bound
@@ -17,7 +18,8 @@ from hsop_gcs.placement.search.numbers import ROUNDS_TO_REFUSE, Courses, least_a
 from hsop_gcs.placement.search.polish import polish
 from hsop_gcs.placement.search.question import frame_of, placement_of, question_of, state_of
 from hsop_gcs.placement.search.rounds import LANES, Course, run
-from hsop_gcs.placement.solution import Placement, Status, worst_error_m
+from hsop_gcs.placement.search.wanted import Wanted
+from hsop_gcs.placement.solution import Placement, Status
 
 PROVEN_GAP = 1e-3
 ROUNDS_BEFORE_PROOF = 6
@@ -62,8 +64,9 @@ def search(
     flown = warm_start if warm_start is not None and warm_start.hosts else None
     warm = None if flown is None else lambda count: state_of(problem, frame, q, flown, count)
     courses = Courses(q, seed, warm)
-    wanted = Wanted(problem, frame, q, None if n_hosts is not None else target_error_m)
     with ThreadPoolExecutor(LANES) as executor:
+        target_m = None if n_hosts is not None else target_error_m
+        wanted = Wanted(problem, frame, q, target_m, seed=seed, executor=executor)
         number = n_hosts if numbers else None
         if n_hosts is None:
             first = None if flown is None else len(flown.hosts)
@@ -78,38 +81,6 @@ def search(
     best = None if course is None else wanted.best(course)
     answer = _answer(problem, frame, q, best, bound, seed, now() - started, n_hosts, most)
     return replace(answer, iterations=0 if course is None else course.round)
-
-
-class Wanted:
-    """What makes a placement acceptable: it is valid, and with a target every expected error is within it."""
-
-    def __init__(self, problem: Problem, frame: Frame, q: Question, target_error_m: float | None) -> None:
-        self._problem, self._frame, self._q = problem, frame, q
-        self._target_m = target_error_m
-        self._worst_m: dict[tuple[int, float], float] = {}
-
-    def accepts(self, course: Course) -> bool:
-        """Whether the course has an acceptable placement."""
-        return self._acceptable(course) is not None
-
-    def best(self, course: Course) -> State | None:
-        """Return the least costly acceptable placement, else the least costly one."""
-        state = self._acceptable(course)
-        return course.pool.best if state is None else state
-
-    def _acceptable(self, course: Course) -> State | None:
-        if self._target_m is None:
-            return course.pool.best
-        for state, (violation, cost) in zip(course.pool.states, course.pool.worth, strict=True):
-            if violation > 0:
-                break
-            key = (course.n_hosts, cost)
-            if key not in self._worst_m:
-                placement = placement_of(self._problem, self._frame, self._q, state)
-                self._worst_m[key] = worst_error_m(placement)
-            if self._worst_m[key] <= self._target_m:
-                return state
-        return None
 
 
 def frontier(
@@ -155,7 +126,8 @@ def frontier(
             if iterations is None and now() + slowest > deadline:
                 break
         bound = lower_bound(q, executor, thorough=thorough_bound and (iterations is not None or now() < deadline))
-    found = {count: courses.course(count).pool.best for count in sorted(courses.by_number)}
+        least_costly = Wanted(problem, frame, q, None, seed=seed, executor=executor)
+    found = {count: least_costly.best(courses.course(count)) for count in sorted(courses.by_number)}
     return {
         count: _answer(problem, frame, q, best, bound, seed, now() - started, count, most)
         for count, best in found.items()
@@ -244,6 +216,8 @@ def _answer(
             reason=reason,
         )
     placement = placement_of(problem, frame, q, best)
+    if fuses(problem):
+        bound = fused_lower_bound(problem)
     proven = placement.cost is not None and placement.cost <= bound * (1 + PROVEN_GAP)
     return replace(
         placement,

@@ -28,7 +28,7 @@ from hsop_gcs.placement.search.polish import (
     polish,
     poses_of,
 )
-from hsop_gcs.placement.search.question import frame_of, placement_of, question_of
+from hsop_gcs.placement.search.question import aimed_at, frame_of, placement_of, question_of
 from tests.placement.examples import random_threats
 
 METRE = 1.0
@@ -98,6 +98,19 @@ def test_gradients_are_the_slopes_of_costs_and_margins(formulation: Formulation,
     poses = poses_of(q, state)
     poses[:, 2] = [1.0, 2.0, -3.0, 0.5]
     assert_gradients(q, rows, poses)
+
+
+def test_gradients_of_errors_against_a_target_are_the_slopes_too() -> None:
+    problem = problem_in_space(Objective.RMS)
+    q = aimed_at(problem, frame_of(problem), 1.3)
+    state = annealed(problem, 4, seed=0)[1]
+    refresh(q, state)
+    costs = [math.sqrt(square) for square in (state.cost ** (2 / q.power)).tolist()]
+    placement = placement_of(problem, frame_of(problem), q, state)
+    assert [1.3 * cost for cost in costs] == pytest.approx(
+        [pair.expected_error_m for pair in placement.pairs], rel=1e-6
+    )
+    assert_gradients(q, list_elements(q, state, np.ones(4, dtype=np.int64)), poses_of(q, state))
 
 
 def assert_gradients(q: Question, rows: Ints, poses: Floats) -> None:

@@ -75,3 +75,23 @@ def test_a_target_error_is_kept_by_the_placement_that_is_answered() -> None:
     )
     assert worst_error_m(aimed) <= target_m
     assert len(aimed.hosts) <= 5
+
+
+@pytest.mark.parametrize(("seed", "hosts"), [(3, 4), (0, 3)])
+def test_a_number_whose_least_cost_misses_the_target_is_taken_if_another_placement_of_it_does_not(
+    seed: int, hosts: int
+) -> None:
+    problem = Problem(threats=random_threats(3, np.random.default_rng(seed)))
+    least_costly = search(problem, n_hosts=hosts, seed=0, deadline=math.inf, now=lambda: 0.0, iterations=8)
+    target_m = 0.8 * worst_error_m(least_costly)
+    aimed = search(
+        replace(problem, max_hosts=hosts),
+        n_hosts=None,
+        seed=0,
+        deadline=math.inf,
+        now=lambda: 0.0,
+        iterations=4,
+        target_error_m=target_m,
+    )
+    assert worst_error_m(aimed) <= target_m
+    assert (aimed.cost or 0.0) >= (1 - 1e-6) * (least_costly.cost or math.inf) or len(aimed.hosts) < hosts
