@@ -14,10 +14,10 @@ from scipy.optimize import Bounds, OptimizeResult, differential_evolution
 from hsop_gcs.bench.scenarios import Case
 from hsop_gcs.placement import Method, place
 from hsop_gcs.placement.search import search
-from hsop_gcs.placement.search.anneal import State, new_state, refresh, set_view, totals
 from hsop_gcs.placement.search.model import CENTRAL, Floats, Question
 from hsop_gcs.placement.search.polish import polish
 from hsop_gcs.placement.search.question import frame_of, question_of
+from hsop_gcs.placement.search.state import State, new_state, refresh, set_view, totals
 
 ROOM_M = 45.0
 """Hosts stand at most so far outside the box around the threats: farther, no camera detects anything."""

@@ -8,22 +8,14 @@ import math
 
 import numpy as np
 
-from hsop_gcs.placement.search.anneal import (
-    State,
-    anneal,
-    copy_state,
-    jump,
-    keep_clear,
-    refresh,
-    scatter,
-    set_view,
-    totals,
-)
+from hsop_gcs.placement.search.anneal import anneal, scatter
 from hsop_gcs.placement.search.chance import State as Chance
 from hsop_gcs.placement.search.chance import below, uniform
 from hsop_gcs.placement.search.compiled import kernel
 from hsop_gcs.placement.search.model import Ints, Question, edge_energy
+from hsop_gcs.placement.search.moves import jump, keep_clear
 from hsop_gcs.placement.search.polish import polish
+from hsop_gcs.placement.search.state import State, copy_state, refresh, set_view, totals
 
 POLISH_STEPS = 80
 STIFFNESS = 15.0

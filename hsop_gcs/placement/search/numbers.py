@@ -6,10 +6,11 @@ from itertools import product
 
 import numpy as np
 
-from hsop_gcs.placement.search.anneal import State, keep_clear, left_over, new_state, refresh, set_view, totals
 from hsop_gcs.placement.search.model import CENTRAL, Floats, Question
+from hsop_gcs.placement.search.moves import keep_clear
 from hsop_gcs.placement.search.polish import polish
 from hsop_gcs.placement.search.rounds import Course
+from hsop_gcs.placement.search.state import State, left_over, new_state, refresh, set_view, totals
 
 ROUNDS_TO_REFUSE = 6
 """How many rounds it takes to give a number of hosts up that has no acceptable placement."""

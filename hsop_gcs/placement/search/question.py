@@ -11,10 +11,10 @@ from hsop_gcs.placement.airspace import Airspace
 from hsop_gcs.placement.answer import KINDS, compass_deg, hover_pose, names_of, valued
 from hsop_gcs.placement.objective import hover_altitudes_m, noise_rad, threat_points_m, threat_ways_m, weight
 from hsop_gcs.placement.problem import Formulation, Objective, Problem
-from hsop_gcs.placement.search.anneal import State, left_over, new_state, refresh, set_view
 from hsop_gcs.placement.search.areas import STRICTER_M, areas_of
 from hsop_gcs.placement.search.frame import GRID_M, Frame
 from hsop_gcs.placement.search.model import CENTRAL, PERIPHERAL, Floats, Question, central_aim, view_window
+from hsop_gcs.placement.search.state import State, left_over, new_state, refresh, set_view
 from hsop_gcs.placement.solution import HoverPose, Placement, View
 
 TARGET_POWER = 8.0

@@ -8,11 +8,12 @@ import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
-from hsop_gcs.placement.search.anneal import State, copy_state, keep_clear, new_state, refresh, totals
 from hsop_gcs.placement.search.chance import State as Chance
 from hsop_gcs.placement.search.chance import seeded
 from hsop_gcs.placement.search.model import Question
+from hsop_gcs.placement.search.moves import keep_clear
 from hsop_gcs.placement.search.neighbourhood import fresh, improve, shake
+from hsop_gcs.placement.search.state import State, copy_state, new_state, refresh, totals
 
 LANES = 2
 POOL = 8

@@ -10,7 +10,6 @@ import numpy as np
 from hsop_gcs.placement.airspace import Airspace
 from hsop_gcs.placement.fusion import fused_lower_bound, fuses
 from hsop_gcs.placement.problem import Formulation, Problem, Threat
-from hsop_gcs.placement.search.anneal import State, new_state
 from hsop_gcs.placement.search.bounds import fewest_hosts, lower_bound
 from hsop_gcs.placement.search.frame import Frame
 from hsop_gcs.placement.search.model import Question
@@ -18,6 +17,7 @@ from hsop_gcs.placement.search.numbers import ROUNDS_TO_REFUSE, Courses, least_a
 from hsop_gcs.placement.search.polish import polish
 from hsop_gcs.placement.search.question import frame_of, placement_of, question_of, state_of
 from hsop_gcs.placement.search.rounds import LANES, Course, run
+from hsop_gcs.placement.search.state import State, new_state
 from hsop_gcs.placement.search.wanted import Wanted
 from hsop_gcs.placement.solution import Placement, Status
 

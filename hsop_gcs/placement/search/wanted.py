@@ -4,13 +4,13 @@ from concurrent.futures import ThreadPoolExecutor
 
 from hsop_gcs.placement.fusion import fuses
 from hsop_gcs.placement.problem import Problem
-from hsop_gcs.placement.search.anneal import State, copy_state, new_state, refresh, totals
 from hsop_gcs.placement.search.bounds import CELLS, own_pair_bound_in_space
 from hsop_gcs.placement.search.frame import Frame
 from hsop_gcs.placement.search.model import Question
 from hsop_gcs.placement.search.numbers import Courses
 from hsop_gcs.placement.search.question import aimed_at, placement_of
 from hsop_gcs.placement.search.rounds import Course
+from hsop_gcs.placement.search.state import State, copy_state, new_state, refresh, totals
 from hsop_gcs.placement.solution import worst_error_m
 
 

@@ -8,10 +8,10 @@ import pytest
 
 from hsop_gcs.placement.airspace import Airspace
 from hsop_gcs.placement.problem import Formulation, Objective, Problem, Threat
-from hsop_gcs.placement.search.anneal import new_state, refresh, set_view, totals
 from hsop_gcs.placement.search.bounds import fewest_hosts, lower_bound, own_pair_bound, own_pair_bound_in_space
 from hsop_gcs.placement.search.question import frame_of, question_of
 from hsop_gcs.placement.search.solve import search
+from hsop_gcs.placement.search.state import new_state, refresh, set_view, totals
 from hsop_gcs.placement.solution import Status
 from tests.placement.examples import random_threats
 

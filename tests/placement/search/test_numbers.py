@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from hsop_gcs.placement.problem import Formulation, Problem, Threat
-from hsop_gcs.placement.search.anneal import totals
 from hsop_gcs.placement.search.numbers import Courses, least_acceptable, with_another_host
 from hsop_gcs.placement.search.question import frame_of, question_of
 from hsop_gcs.placement.search.rounds import Course
 from hsop_gcs.placement.search.solve import search
+from hsop_gcs.placement.search.state import totals
 from hsop_gcs.placement.solution import worst_error_m
 from tests.placement.examples import random_threats
 
