@@ -25,6 +25,7 @@ from hsop_gcs.mission.controller import Mission
 from hsop_gcs.mission.records import recover
 from hsop_gcs.mission.solver import Solver
 from hsop_gcs.settings import Settings
+from hsop_gcs.tracks import kernels
 
 _WATCHDOG_S = 3.0
 """A mission that has not moved for so long is dead: our heartbeat stops, and the vehicles' own failsafes act."""
@@ -45,7 +46,9 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
             if journal.repair is not None:
                 log.warning("journal %s: its last line was torn; %d bytes were cut off", path, journal.repair.bytes_cut)
         solver = await stack.enter_async_context(Solver())
-        triangulation.warm_up()  # before the loop has anything to do: compiling would stop it for seconds
+        # before the loop has anything to do: compiling would stop it for seconds
+        kernels.warm_up()
+        triangulation.warm_up()
         tlog = None
         if settings.service.tlog is not None:
             tlog = TlogWriter(stack.enter_context(create_tlog(Path(settings.service.tlog), time.time())))

@@ -24,7 +24,7 @@ class DetectionRules:
     """How densely rays of unknown threats and of nothing are expected; what a threat must beat to explain a ray."""
     sure_odds: float = 100.0
     """A ray goes to a threat only if that is so many times likelier than anything else."""
-    hypotheses: int = 64
+    hypotheses: int = 256
     """Ways to explain the rays of one moment that are followed side by side."""
     misfit_probability: float = 1e-4
     """Rays that meet worse than this do not show one threat."""

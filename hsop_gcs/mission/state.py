@@ -99,8 +99,11 @@ def replan_reason(
     for threat_id in planned:
         if threat_id not in {track.id for track in tracks}:
             return f"threat {threat_id} left"
+    moments = [(now_s, "is")]
+    if now_s > newest.made_at_s + rules.horizon_s / 2:
+        moments.append((newest.expires_at_s, "will be"))
     for track in tracks:
-        for at_s, verb in ((track.time_s, "is"), (newest.expires_at_s, "will be")):
+        for at_s, verb in moments:
             predicted_m = planned[track.id].predicted_m(at_s - newest.decision.window_start_s)
             departed_m = math.dist(predicted_m, track.position_at(at_s))
             doubt_m = math.hypot(track.sigma_m, track.velocity_sigma_mps * (at_s - track.time_s))

@@ -10,12 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from hsop_gcs.reports import Bearing, Measurement, Report
-from hsop_gcs.tracks.filter import State, surely_within
-from hsop_gcs.tracks.gate import distances, gate, impossible, within_reach
+from hsop_gcs.tracks.filter import FloatArray, State, surely_within
+from hsop_gcs.tracks.gate import Stack, distances, gate, impossible
 from hsop_gcs.tracks.history import Steps, can_take, state_before
 from hsop_gcs.tracks.rules import TrackRules
 from hsop_gcs.tracks.sources import Refusal, RefusalKind
@@ -39,20 +38,23 @@ class Association:
 
 
 def associate(
-    tracks: Mapping[str, Track], scan: Sequence[Measurement], suspects: Mapping[int, Refusal], rules: TrackRules
+    tracks: Mapping[str, Track],
+    newest: Stack,
+    scan: Sequence[Measurement],
+    suspects: Mapping[int, Refusal],
+    rules: TrackRules,
 ) -> Association:
     """Give each measurement of a scan to at most one track, and each track at most one measurement.
 
-    ``suspects``: measurements that are refused unless they bear a known threat's id and lie in its gate.
+    ``newest``: of all tracks. ``suspects``: measurements that are refused unless they bear a known threat's id and lie
+    in its gate.
     """
     hinted = _hints(tracks, scan)
     found = _Found(refusals={index: refusal for index, refusal in suspects.items() if index not in hinted})
     _follow_hints(tracks, scan, hinted, suspects, rules, found)
     free = {index: each for index, each in enumerate(scan) if index not in found.tracks and index not in found.refusals}
     if free:
-        taken = set(found.tracks.values())
-        left = [track for track in tracks.values() if track.id not in taken]
-        _add_nearest(left, free, {index: hinted[index] for index in found.released}, rules, found)
+        _add_nearest(tracks, newest, free, {index: hinted[index] for index in found.released}, rules, found)
     return Association(tracks=found.tracks, refusals=found.refusals, released=frozenset(found.released))
 
 
@@ -124,7 +126,8 @@ def _bound_to(tracks: Mapping[str, Track], source: str, threat_id: str | None) -
 
 
 def _add_nearest(
-    tracks: Sequence[Track],
+    tracks: Mapping[str, Track],
+    newest: Stack,
     scan: Mapping[int, Measurement],
     barred: Mapping[int, str],
     rules: TrackRules,
@@ -132,24 +135,27 @@ def _add_nearest(
 ) -> None:
     """Global nearest neighbour: the pairs inside their gates with the least sum of -2 log likelihood."""
     indices, measurements = list(scan), list(scan.values())
-    pairs = _pairs_in_gate(tracks, measurements, rules)
-    cost = np.full((len(measurements), len(tracks)), _FORBIDDEN)
-    for (row, column), value in pairs.items():
-        track, measurement, index = tracks[column], measurements[row], indices[row]
-        if barred.get(index) == track.id or _has_other_id(track, measurement):
+    values = _in_gates(tracks, newest, measurements, rules)
+    taken = set(found.tracks.values())
+    cost = np.full(values.shape, _FORBIDDEN)
+    for row, column in np.argwhere(values < np.inf).tolist():
+        track, measurement, index = tracks[newest.ids[column]], measurements[row], indices[row]
+        if track.id in taken or barred.get(index) == track.id or _has_other_id(track, measurement):
             continue
         same_scan = _of_same_scan(track.steps, measurement, rules)
         if measurement in same_scan:
             found.refusals[index] = _duplicate(track)
         elif not same_scan:
-            cost[row, column] = value + (_SECOND_CHOICE if track.status is TrackStatus.TENTATIVE else 0.0)
+            second = _SECOND_CHOICE if track.status is TrackStatus.TENTATIVE else 0.0
+            cost[row, column] = values[row, column] + second
     assigned_rows, assigned_columns = linear_sum_assignment(cost)
     for row, column in zip(assigned_rows.tolist(), assigned_columns.tolist(), strict=True):
         index = indices[row]
         if cost[row, column] < _FORBIDDEN and index not in found.refusals:
-            refusal = _untimely(tracks[column], measurements[row], rules)
+            track = tracks[newest.ids[column]]
+            refusal = _untimely(track, measurements[row], rules)
             if refusal is None:
-                found.tracks[index] = tracks[column].id
+                found.tracks[index] = track.id
             else:
                 found.refusals[index] = refusal
     for index, measurement in scan.items():
@@ -159,21 +165,20 @@ def _add_nearest(
             )
 
 
-def _pairs_in_gate(
-    tracks: Sequence[Track], measurements: Sequence[Measurement], rules: TrackRules
-) -> dict[tuple[int, int], float]:
-    """Return squared distance plus log det S of each pair (measurement, track) inside its gate."""
-    if not tracks:
-        return {}
-    first_s = min(each.time_s for each in measurements)
-    states = [state_before(track.steps, first_s) for track in tracks]
-    rows, columns = np.nonzero(within_reach(states, measurements, rules))
-    pairs = list(zip(rows.tolist(), columns.tolist(), strict=True))
-    chosen = [measurements[row] for row, _ in pairs]
-    squared, log_det = distances([states[column] for _, column in pairs], chosen, rules)
-    inside: npt.NDArray[np.bool_] = squared <= np.array([gate(each, rules) for each in chosen])
-    values = (squared + log_det).tolist()
-    return {pair: values[number] for number, pair in enumerate(pairs) if inside[number]}
+def _in_gates(
+    tracks: Mapping[str, Track], newest: Stack, measurements: Sequence[Measurement], rules: TrackRules
+) -> FloatArray:
+    """Return (measurements, tracks): squared distance plus log det S of each pair inside its gate, else infinity."""
+    values = np.full((len(measurements), len(newest.ids)), np.inf)
+    rows = [row for row, each in enumerate(measurements) if isinstance(each, Report)]
+    if rows:
+        values[rows] = newest.in_gates([each for each in measurements if isinstance(each, Report)], rules)
+    for row, bearing in enumerate(measurements):
+        if isinstance(bearing, Bearing) and tracks:
+            states = [tracks[track_id].state for track_id in newest.ids]
+            squared, log_det = distances(states, [bearing] * len(states), rules)
+            values[row] = np.where(squared <= gate(bearing, rules), squared + log_det, np.inf)
+    return values
 
 
 def _has_other_id(track: Track, measurement: Measurement) -> bool:

@@ -2,7 +2,8 @@
 
 A state is position then velocity, (6,), metres and metres per second, with its full covariance, (6, 6). Arrays carry
 the tracks along their first axis. Source: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and
-Navigation, 5.2 (update in Joseph form) and 6.2.2 (continuous white-noise acceleration).
+Navigation, 5.2 (update in Joseph form) and 6.2.2 (continuous white-noise acceleration). Reports, which are linear and
+many, go through ``kernels``; what is here is for bearings, and for looking at a state at another time.
 """
 
 import math
@@ -18,7 +19,8 @@ from hsop_gcs.tracks.rules import TrackRules
 
 FloatArray = npt.NDArray[np.float64]
 
-_AXES = np.arange(3)
+_AXES, _NUMBERS = np.arange(3), np.arange(6)
+_AT_REST = (0.0, 0.0, 0.0)
 _IDENTITY = np.eye(6)
 _DRIFT = np.eye(6, k=3)
 _POSITION = np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
@@ -54,7 +56,7 @@ class Innovation(NamedTuple):
     residual: FloatArray
     """(n, d), measured minus expected."""
     matrix: FloatArray
-    """(n, d, 6), or (1, d, 6) if the same for all: how the expected measurement changes with the state."""
+    """(n, d, 6), how the expected measurement changes with the state."""
     noise: FloatArray
     """(n, d, d), covariance of the measurements."""
 
@@ -78,34 +80,20 @@ def predict(
     return predicted_mean, transition @ covariance @ transition.transpose(0, 2, 1) + noise
 
 
-def innovate(
-    mean: FloatArray, covariance: FloatArray, measurements: Sequence[Measurement], rules: TrackRules
-) -> Innovation:
-    """Compare predicted means (n, 6) with n measurements of one dimension.
-
-    The residual of a bearing is NaN where the threat is expected behind the camera or at it.
-    """
-    if isinstance(measurements[0], Bearing):
-        return _innovate_bearings(mean, covariance, [each for each in measurements if isinstance(each, Bearing)])
-    return _innovate_reports(mean, [each for each in measurements if isinstance(each, Report)], rules)
-
-
 def update(
-    mean: FloatArray, covariance: FloatArray, measurements: Sequence[Measurement], gate: float, rules: TrackRules
+    mean: FloatArray, covariance: FloatArray, bearings: Sequence[Bearing], gate: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return predicted means and covariances after n measurements of one dimension; see ``correct`` for ``gate``.
+    """Return predicted means and covariances after n bearings; see ``correct`` for ``gate``.
 
     Bearings are taken up again and again, linearised half way to the corrected state: linearised at a position known
     to 15 m at 70 m they would leave errors many times what the covariance says, and at the corrected one they would
     pull a threat that one camera sees alone towards it. A bearing towards a threat that is expected behind the camera
     changes nothing.
     """
-    if not isinstance(measurements[0], Bearing):
-        return correct(mean, covariance, innovate(mean, covariance, measurements, rules), gate)
     corrected_mean, corrected_covariance = mean, covariance
     for _ in range(_BEARING_ITERATIONS):
         midway = mean + 0.5 * (corrected_mean - mean)
-        seen = innovate(midway, covariance, measurements, rules)
+        seen = innovate(midway, covariance, bearings)
         moved = (seen.matrix @ (midway - mean)[:, :, None])[:, :, 0]
         ahead = np.isfinite(seen.residual[:, 0])
         if not ahead.any():
@@ -148,8 +136,7 @@ def squared_distance(covariance: FloatArray, seen: Innovation) -> tuple[FloatArr
 
 
 def subset(seen: Innovation, chosen: npt.NDArray[np.bool_]) -> Innovation:
-    matrix = seen.matrix if len(seen.matrix) == 1 else seen.matrix[chosen]
-    return Innovation(seen.residual[chosen], matrix, seen.noise[chosen])
+    return Innovation(seen.residual[chosen], seen.matrix[chosen], seen.noise[chosen])
 
 
 def surely_within(state: State, report: Report, gate: float, rules: TrackRules) -> bool:
@@ -170,38 +157,30 @@ def surely_within(state: State, report: Report, gate: float, rules: TrackRules) 
 
 def first_state(report: Report, rules: TrackRules) -> State:
     """Return what one report alone says; a velocity it does not give is zero, give or take how fast threats fly."""
-    noise = np.zeros((6, 6))
-    noise[:3, :3] = position_noise([report], rules)[0]
-    velocity_sigma = rules.first_velocity_sigma_mps
-    if report.velocity_mps is not None:
-        velocity_sigma = _velocity_sigma(report, rules)
-    noise[_AXES + 3, _AXES + 3] = velocity_sigma**2
-    return State(report.time_s, np.array([*report.position_m, *(report.velocity_mps or (0.0, 0.0, 0.0))]), noise)
+    measured, noise = stacked([report], rules)
+    if report.velocity_mps is None:
+        noise[0, _AXES + 3, _AXES + 3] = rules.first_velocity_sigma_mps**2
+    return State(report.time_s, measured[0], noise[0])
 
 
-def position_noise(reports: Sequence[Report], rules: TrackRules) -> FloatArray:
-    """Return the covariances of reported positions, (n, 3, 3), square metres."""
-    variances = np.array([_position_sigma(each, rules) ** 2 for each in reports])
-    noise = variances[:, None, None] * _IDENTITY[:3, :3]
+def stacked(reports: Sequence[Report], rules: TrackRules) -> tuple[FloatArray, FloatArray]:
+    """Return what reports say, (n, 6), and its covariances, (n, 6, 6); a velocity that is not given is 0."""
+    measured = np.array([(*each.position_m, *(each.velocity_mps or _AT_REST)) for each in reports])
+    noise = np.zeros((len(reports), 6, 6))
+    sigmas = np.array([(_position_sigma(each, rules), _velocity_sigma(each, rules)) for each in reports])
+    noise[:, _NUMBERS, _NUMBERS] = np.square(sigmas)[:, _NUMBERS // 3]
     for index, each in enumerate(reports):
         if each.covariance_m2 is not None:
-            noise[index] = each.covariance_m2
-    return noise
+            noise[index, :3, :3] = each.covariance_m2
+    return measured, noise
 
 
-def _innovate_reports(mean: FloatArray, reports: list[Report], rules: TrackRules) -> Innovation:
-    count, size = len(reports), dimension(reports[0])
-    noise = np.zeros((count, size, size))
-    noise[:, :3, :3] = position_noise(reports, rules)
-    measured = np.array([each.position_m for each in reports])
-    if size == 6:
-        noise[:, _AXES + 3, _AXES + 3] = np.array([_velocity_sigma(each, rules) ** 2 for each in reports])[:, None]
-        measured = np.hstack([measured, np.array([each.velocity_mps for each in reports], dtype=np.float64)])
-    return Innovation(measured - mean[:, :size], _IDENTITY[None, :size], noise)
+def innovate(mean: FloatArray, covariance: FloatArray, bearings: Sequence[Bearing]) -> Innovation:
+    """Compare predicted means (n, 6) with n bearings: NaN where the threat is expected behind the camera or at it.
 
-
-def _innovate_bearings(mean: FloatArray, covariance: FloatArray, bearings: list[Bearing]) -> Innovation:
-    """The tangents of the angles across the measured ray, both measured as 0: a threat's range changes none of them."""
+    What is compared are the tangents of the angles across the measured ray, both measured as 0: a threat's range
+    changes none of them.
+    """
     along = np.array([each.direction for each in bearings])
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     across = np.empty((len(bearings), 2, 3))

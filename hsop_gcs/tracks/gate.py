@@ -1,22 +1,23 @@
-"""Chi-square gates: whether a measurement can be of a threat, judged by what both are said to be worth."""
+"""Measurements beside states: chi-square gates, distances, and states moved on by what was measured."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import chdtri
 
-from hsop_gcs.reports import Measurement, Report
+from hsop_gcs.reports import Bearing, Measurement, Report
+from hsop_gcs.tracks import kernels
 from hsop_gcs.tracks.filter import (
     FloatArray,
     State,
     dimension,
     innovate,
-    position_noise,
     predict,
     squared_distance,
+    stacked,
     subset,
+    update,
 )
 from hsop_gcs.tracks.rules import TrackRules
 
@@ -57,43 +58,96 @@ def distances(
     """
     squared, log_det = np.full(len(states), np.inf), np.zeros(len(states))
     for alike in by_dimension(measurements):
-        chosen = [measurements[index] for index in alike]
-        mean, covariance = predicted([states[index] for index in alike], [each.time_s for each in chosen], rules)
-        seen = innovate(mean, covariance, chosen, rules)
-        ahead = np.isfinite(seen.residual[:, 0])
-        where = np.array(alike)[ahead]
-        squared[where], log_det[where] = squared_distance(covariance[ahead], subset(seen, ahead))
+        mean, covariance, elapsed_s = _stacked([states[index] for index in alike], [measurements[i] for i in alike])
+        bearings = [each for index in alike if isinstance(each := measurements[index], Bearing)]
+        if bearings:
+            mean, covariance = predict(mean, covariance, elapsed_s, rules.acceleration_psd_m2ps3)
+            seen = innovate(mean, covariance, bearings)
+            ahead = np.isfinite(seen.residual[:, 0])
+            where = np.array(alike)[ahead]
+            squared[where], log_det[where] = squared_distance(covariance[ahead], subset(seen, ahead))
+        else:
+            reports = [each for index in alike if isinstance(each := measurements[index], Report)]
+            measured, noise = stacked(reports, rules)
+            squared[alike], log_det[alike] = kernels.distances(
+                mean, covariance, elapsed_s, rules.acceleration_psd_m2ps3, measured, noise, dimension(reports[0])
+            )
     return squared, log_det
 
 
-def within_reach(
-    states: Sequence[State], measurements: Sequence[Measurement], rules: TrackRules
-) -> npt.NDArray[np.bool_]:
-    """Return (measurements, states): False where a pair cannot be inside its gate, found without any matrix algebra.
+def advance(states: Sequence[State], measurements: Sequence[Measurement], rules: TrackRules) -> list[State]:
+    """Return each state after its measurement, at the measurement's time."""
+    after: list[State] = list(states)
+    for alike in by_dimension(measurements):
+        chosen = [measurements[index] for index in alike]
+        mean, covariance, elapsed_s = _stacked([states[index] for index in alike], chosen)
+        bearings = [each for each in chosen if isinstance(each, Bearing)]
+        if bearings:
+            mean, covariance = predict(mean, covariance, elapsed_s, rules.acceleration_psd_m2ps3)
+            mean, covariance = update(mean, covariance, bearings, gate(bearings[0], rules))
+        else:
+            reports = [each for each in chosen if isinstance(each, Report)]
+            measured, noise = stacked(reports, rules)
+            mean, covariance = kernels.correct(
+                mean,
+                covariance,
+                elapsed_s,
+                rules.acceleration_psd_m2ps3,
+                measured,
+                noise,
+                dimension(reports[0]),
+                gate(reports[0], rules),
+            )
+        for row, index in enumerate(alike):
+            after[index] = State(measurements[index].time_s, mean[row], covariance[row])
+    return after
 
-    A residual r has r' S^-1 r >= r' r / trace S. Bearings are not sorted out.
-    """
-    possible = np.ones((len(measurements), len(states)), dtype=np.bool_)
-    rows = [row for row, each in enumerate(measurements) if isinstance(each, Report)]
-    reports = [each for each in measurements if isinstance(each, Report)]
-    if not reports:
-        return possible
-    mean = np.array([state.mean for state in states])
-    covariance = np.array([state.covariance for state in states])
-    times_s = np.array([each.time_s for each in reports])
-    elapsed_s = times_s[:, None] - np.array([state.time_s for state in states])
-    residual = np.array([each.position_m for each in reports])[:, None, :] - mean[:, :3]
-    residual -= elapsed_s[:, :, None] * mean[:, 3:]
-    trace = (
-        np.trace(covariance[:, :3, :3], axis1=1, axis2=2)
-        + 2 * elapsed_s * np.trace(covariance[:, :3, 3:], axis1=1, axis2=2)
-        + elapsed_s**2 * np.trace(covariance[:, 3:, 3:], axis1=1, axis2=2)
-        + rules.acceleration_psd_m2ps3 * np.abs(elapsed_s) ** 3
-        + np.trace(position_noise(reports, rules), axis1=1, axis2=2)[:, None]
-    )
-    gates = np.array([gate(each, rules) for each in reports])[:, None]
-    possible[rows] = (residual**2).sum(axis=2) <= gates * trace
-    return possible
+
+class Stack:
+    """The newest states of all tracks side by side, kept up to date track by track."""
+
+    def __init__(self, states: Mapping[str, State]) -> None:
+        self.ids = list(states)
+        self._rows = {track_id: row for row, track_id in enumerate(self.ids)}
+        self._times_s = np.array([state.time_s for state in states.values()])
+        self._means = np.array([state.mean for state in states.values()]).reshape(-1, 6)
+        self._covariances = np.array([state.covariance for state in states.values()]).reshape(-1, 6, 6)
+
+    def copy(self) -> "Stack":
+        other = Stack.__new__(Stack)
+        other.ids, other._rows = self.ids.copy(), self._rows.copy()
+        other._times_s, other._means = self._times_s.copy(), self._means.copy()
+        other._covariances = self._covariances.copy()
+        return other
+
+    def put(self, track_id: str, state: State) -> None:
+        """Take in a track's newest state, of a new track too."""
+        row = self._rows.get(track_id)
+        if row is None:
+            row = self._rows[track_id] = len(self.ids)
+            self.ids.append(track_id)
+            self._times_s = np.append(self._times_s, 0.0)
+            self._means = np.concatenate([self._means, np.empty((1, 6))])
+            self._covariances = np.concatenate([self._covariances, np.empty((1, 6, 6))])
+        self._times_s[row], self._means[row], self._covariances[row] = state.time_s, state.mean, state.covariance
+
+    def in_gates(self, reports: Sequence[Report], rules: TrackRules) -> FloatArray:
+        """Return (reports, tracks): squared distance plus log det S of every pair inside its gate, else infinity.
+
+        A late report is held against what is believed now, taken back to its time.
+        """
+        measured, noise = stacked(reports, rules)
+        return kernels.in_gates(
+            self._means,
+            self._covariances,
+            self._times_s,
+            rules.acceleration_psd_m2ps3,
+            measured,
+            noise,
+            np.array([each.time_s for each in reports]),
+            np.array([dimension(each) for each in reports]),
+            np.array([gate(each, rules) for each in reports]),
+        )
 
 
 def explained(state: State, measurement: Measurement, rules: TrackRules) -> bool:
@@ -108,3 +162,12 @@ def by_dimension(measurements: Sequence[Measurement]) -> list[list[int]]:
     for index, each in enumerate(measurements):
         groups.setdefault(dimension(each), []).append(index)
     return list(groups.values())
+
+
+def _stacked(states: Sequence[State], measurements: Sequence[Measurement]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return means, covariances and the time from each state to its measurement."""
+    return (
+        np.array([state.mean for state in states]),
+        np.array([state.covariance for state in states]),
+        np.array([each.time_s - state.time_s for state, each in zip(states, measurements, strict=True)]),
+    )

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hsop_gcs.reports import Bearing, Measurement
-from hsop_gcs.tracks.filter import State, first_state, update
-from hsop_gcs.tracks.gate import by_dimension, gate, predicted
+from hsop_gcs.tracks.filter import State, first_state
+from hsop_gcs.tracks.gate import advance
 from hsop_gcs.tracks.rules import TrackRules
 
 
@@ -73,18 +73,6 @@ def insert(histories: Sequence[Steps], measurements: Sequence[Measurement], rule
             starts[index] = state
             kept[index].append(Step(measurement=measurement, state=state))
     return [_trimmed(each, rules) for each in kept]
-
-
-def advance(states: Sequence[State], measurements: Sequence[Measurement], rules: TrackRules) -> list[State]:
-    """Return each state after its measurement, at the measurement's time."""
-    after: list[State] = list(states)
-    for alike in by_dimension(measurements):
-        chosen = [measurements[index] for index in alike]
-        mean, covariance = predicted([states[index] for index in alike], [each.time_s for each in chosen], rules)
-        mean, covariance = update(mean, covariance, chosen, gate(chosen[0], rules), rules)
-        for row, index in enumerate(alike):
-            after[index] = State(measurements[index].time_s, mean[row], covariance[row])
-    return after
 
 
 def _place(steps: Steps, time_s: float) -> int:

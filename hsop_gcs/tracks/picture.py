@@ -7,6 +7,8 @@ from types import MappingProxyType
 
 from hsop_gcs.reports import Measurement, Report, ReportRules, Vector3
 from hsop_gcs.tracks.associate import associate
+from hsop_gcs.tracks.filter import State
+from hsop_gcs.tracks.gate import Stack
 from hsop_gcs.tracks.history import insert
 from hsop_gcs.tracks.lifecycle import aged, begin, extend, has_left, without_id
 from hsop_gcs.tracks.rules import TrackRules
@@ -26,6 +28,8 @@ class Picture:
     sources: Watches = field(default_factory=lambda: MappingProxyType({}))
     named: int = 0
     """How many tracks have been given a name of ours (T1, T2, ...)."""
+    stack: tuple[Mapping[str, Track], Stack] | None = field(default=None, compare=False, repr=False)
+    """The tracks' newest states for the next update, and which tracks they are of; worth nothing for other tracks."""
 
 
 Verdict = str | Refusal
@@ -83,6 +87,9 @@ class _Work:
         self._sources = picture.sources
         self._tallies: dict[str, Tally] = {}
         self._named = picture.named
+        of, newest = picture.stack or (None, None)
+        known = newest is not None and of is picture.tracks
+        self._newest = newest.copy() if newest is not None and known else Stack(_states(picture.tracks))
         self._measurements = measurements
         self._seen: set[Measurement] = set()
         self._suspects: dict[int, Refusal] = {}
@@ -91,10 +98,12 @@ class _Work:
 
     def picture(self) -> Picture:
         heard = {source: tally.watch() for source, tally in self._tallies.items()}
+        tracks = MappingProxyType(self._tracks)
         return Picture(
-            tracks=MappingProxyType(self._tracks),
+            tracks=tracks,
             sources=MappingProxyType({**self._sources, **heard}),
             named=self._named,
+            stack=(tracks, self._newest),
         )
 
     def unjudged(self) -> list[int]:
@@ -121,7 +130,7 @@ class _Work:
         """Associate one scan, correct the tracks it speaks of and begin the new ones."""
         measurements = [self._measurements[index] for index in scan]
         suspects = {position: self._suspects[index] for position, index in enumerate(scan) if index in self._suspects}
-        association = associate(self._tracks, measurements, suspects, self._rules)
+        association = associate(self._tracks, self._newest, measurements, suspects, self._rules)
         for position in association.released:
             self._release(measurements[position])
         for position, refusal in association.refusals.items():
@@ -132,12 +141,15 @@ class _Work:
         for position, track, steps in zip(association.tracks, tracks, histories, strict=True):
             measurement = measurements[position]
             self._tracks[track.id] = extend(track, measurement, steps, now_s=self._now_s, rules=self._rules)
+            self._newest.put(track.id, steps[-1].state)
             self._believe(scan[position], track.id, out_of_order=measurement.time_s < track.time_s)
         for position, measurement in enumerate(measurements):
             if position not in association.tracks and position not in association.refusals:
                 assert isinstance(measurement, Report), "an unexplained bearing is refused"
                 track_id = self._name(measurement)
-                self._tracks[track_id] = begin(track_id, measurement, now_s=self._now_s, rules=self._rules)
+                track = begin(track_id, measurement, now_s=self._now_s, rules=self._rules)
+                self._tracks[track_id] = track
+                self._newest.put(track_id, track.state)
                 self._believe(scan[position], track_id, out_of_order=False)
 
     def _believe(self, index: int, track_id: str, *, out_of_order: bool) -> None:
@@ -167,6 +179,10 @@ class _Work:
         while f"T{self._named}" in self._tracks:
             self._named += 1
         return f"T{self._named}"
+
+
+def _states(tracks: Mapping[str, Track]) -> dict[str, State]:
+    return {track.id: track.state for track in tracks.values()}
 
 
 def _scans(measurements: Sequence[Measurement], indices: Sequence[int], rules: TrackRules) -> list[list[int]]:

@@ -13,8 +13,11 @@ import numpy as np
 from scipy.stats import chi2
 
 from hsop_gcs.cameras.rig import CameraKind
+from hsop_gcs.mission.core import Rules
 from hsop_gcs.mission.dispatch import OrderStatus
+from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.simulator.truth import TrueState
+from hsop_gcs.tracks import TrackRules
 from hsop_gcs.tracks.filter import FloatArray
 from tests.detections.loop import nees_of
 from tests.mission.headless import EPOCH_S, Flight, Moment, Truth, decide_in_rounds, fly
@@ -28,7 +31,7 @@ APART_M = 10.0
 """Nearer to each other than this no threats come."""
 LOST_M = 10.0
 STEP_S = 0.1
-PSD_M2PS3 = 0.25
+PSD_M2PS3 = 0.05
 CALMS_IN_S = 1.5
 """Gusts push threats off their straight ways as the tracker assumes, and they come back to their speed in this time."""
 
@@ -128,7 +131,9 @@ def fly_seed(seed: int, duration_s: float = DURATION_S) -> Score:
     rng = np.random.default_rng([seed, 0])
     count = 2 + seed % 3
     score = Score(threats=count)
-    flight = Flight(truth=wandering(rng, count, duration_s), hosts=2 * count, duration_s=duration_s, seed=seed)
+    rules = Rules(autonomy=Autonomy.AUTO, tracks=TrackRules(acceleration_psd_m2ps3=PSD_M2PS3))
+    truth = wandering(rng, count, duration_s)
+    flight = Flight(truth=truth, hosts=2 * count, duration_s=duration_s, seed=seed, rules=rules)
     fly(flight, score.watch, decide_in_rounds(ROUNDS))
     return score
 

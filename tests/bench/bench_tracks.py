@@ -1,20 +1,26 @@
-"""How much of a core the tracker takes: 50 threats at 10 Hz, in scans or one by one, with and without ids, also late.
+"""How long the tracker takes beside Stone Soup, and how much of a core: 50 threats at 10 Hz, in scans or one by one,
+with and without ids, also late.
 
 python -m tests.bench.bench_tracks
 """
 
+import json
 import sys
 import time
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from hsop_gcs.reports import Measurement, Report
-from hsop_gcs.tracks import Picture, TrackRules, prune, update
+from hsop_gcs.tracks import Picture, TrackRules, kernels, prune, update
 from tests.tracks.world import vector
 
 THREATS, RATE_HZ, DURATION_S, SIGMA_M = 50, 10, 10, 2.0
 RULES = TrackRules()
+GOLDEN = Path(__file__).parents[1] / "data" / "tracks" / "scans.json"
+"""What Stone Soup took on the machine that made the file; see the script beside it."""
 
 
 def scans(*, ids: bool, late_s: float) -> list[tuple[float, list[Measurement]]]:
@@ -51,7 +57,46 @@ def share_of_a_core(scans: Sequence[tuple[float, list[Measurement]]], *, one_by_
     return (time.process_time() - began_s) / DURATION_S, len(picture.tracks)
 
 
+def seconds_per_scan(scenario: dict[str, Any], rules: TrackRules, sigma_m: float) -> float:
+    """Return the processor time that one scan of plots without ids takes."""
+    scans: list[tuple[float, list[Measurement]]] = [
+        (
+            1e9 + scan["time_s"],
+            [
+                Report(
+                    source="radar",
+                    threat_id=None,
+                    time_s=1e9 + scan["time_s"],
+                    position_m=vector(plot),
+                    sigma_m=sigma_m,
+                )
+                for plot in scan["plots_m"]
+            ],
+        )
+        for scan in scenario["scans"]
+    ]
+    picture, began_s = Picture(), time.process_time()
+    for now_s, scan in scans:
+        picture, _ = prune(update(picture, scan, now_s, rules)[0], now_s, rules)
+    return (time.process_time() - began_s) / len(scans)
+
+
+def beside_stone_soup() -> None:
+    golden = json.loads(GOLDEN.read_text())
+    given = golden["rules"]
+    rules = TrackRules(timeout_s=given["timeout_s"], tentative_timeout_s=given["tentative_timeout_s"])
+    for name, scenario in golden["scenarios"].items():
+        ours_s = min(seconds_per_scan(scenario, rules, given["sigma_m"]) for _ in range(3))
+        theirs_s = scenario["stone_soup"]["per_scan_s"]
+        sys.stdout.write(
+            f"{name}: {1e6 * ours_s:.0f} us a scan, Stone Soup took {1e3 * theirs_s:.1f} ms:"
+            f" {theirs_s / ours_s:.0f} times as fast\n"
+        )
+
+
 def main() -> None:
+    kernels.warm_up()
+    beside_stone_soup()
     for late_s in (0.0, 0.55):
         for ids in (True, False):
             for one_by_one in (False, True):

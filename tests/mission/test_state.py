@@ -100,18 +100,21 @@ def test_a_coarse_report_off_by_its_own_sigma_is_no_departure() -> None:
 
 
 def test_a_plan_is_due_when_a_velocity_becomes_known_that_it_was_not_made_for() -> None:
-    known, guessed = (
-        Report(source="r", threat_id="t1", time_s=101.0, position_m=(1.0, 0.0, 40.0), sigma_m=0.5, **velocity)
-        for velocity in (
-            {"velocity_mps": (1.0, 0.0, 2.0)},
-            {"velocity_mps": (1.0, 0.0, 2.0), "velocity_sigma_mps": 3.0},
+    def climbing(velocity_sigma_mps: float) -> Track:
+        report = Report(
+            source="r",
+            threat_id="t1",
+            time_s=106.0,
+            position_m=(6.0, 0.0, 40.0),
+            velocity_mps=(1.0, 0.0, 2.0),
+            sigma_m=0.5,
+            velocity_sigma_mps=velocity_sigma_mps,
         )
-    )
-    reason = replan_reason(planned(), (begin("t1", known, now_s=101.0, rules=TrackRules()),), HOSTS, 101.0, RULES)
-    assert reason == "threat t1 will be 28 m from its prediction"
-    assert (
-        replan_reason(planned(), (begin("t1", guessed, now_s=101.0, rules=TrackRules()),), HOSTS, 101.0, RULES) is None
-    )
+        return begin("t1", report, now_s=106.0, rules=TrackRules())
+
+    reason = "threat t1 will be 18 m from its prediction"
+    assert replan_reason(planned(), (climbing(0.2),), HOSTS, 106.0, RULES) == reason
+    assert replan_reason(planned(), (climbing(3.0),), HOSTS, 106.0, RULES) is None
 
 
 def test_a_decision_that_keeps_the_flying_plan_gives_it_more_time() -> None:
