@@ -95,6 +95,7 @@ class Router:
         stream = peer.transport in self._streams
         if stream and not data:
             decoder.forget_partial()
+            self._forget_sequences(peer)
         found = decoder.feed_stream(data) if stream else decoder.feed_datagram(data)
         frames = [frame for frame in found if self._believes(frame, peer, now)]
         for frame in frames:
@@ -245,8 +246,11 @@ class Router:
         self._forgotten.frames += counters.frames
         self._forgotten.bad_frames += counters.bad_frames
         self._forgotten.unknown += counters.unknown
-        self._sequences = {key: last for key, last in self._sequences.items() if key[0] != peer}
+        self._forget_sequences(peer)
         return True
+
+    def _forget_sequences(self, peer: Peer) -> None:
+        self._sequences = {key: last for key, last in self._sequences.items() if key[0] != peer}
 
     def _believes(self, frame: Frame, peer: Peer, now: float) -> bool:
         """Whether a frame has the signature it needs; if not, it is counted."""

@@ -5,6 +5,7 @@ waiting ──due──► connecting ──connected──► open ──ended,
 
 import asyncio
 import contextlib
+import os
 import socket
 from collections.abc import Callable
 
@@ -112,4 +113,4 @@ class StreamTransport:
 def _why(error: OSError | TimeoutError) -> str:
     if isinstance(error, serial.SerialException):
         return str(error)
-    return error.strerror or str(error) or "no answer"
+    return os.strerror(error.errno) if error.errno is not None else str(error) or "no answer"
