@@ -19,6 +19,8 @@ from hsop_gcs.placement.problem import AvailableHost, Formulation, Objective, Pr
 from hsop_gcs.placement.solution import HoverPose, Placement, Status, renamed, worst_error_m
 
 _ARRIVAL_TOLERANCE_S = 1.0
+_GLANCE_ROUNDS = 2
+"""Enough to know how far hosts will have to fly, at a third of the time of a whole search."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,19 +101,19 @@ def decide(
 ) -> Decision:
     """Place hosts for the moment at which they can be there, and say who flies where.
 
-    The travel time is guessed from the distances to the threats; when the placement shows that the slowest host needs
-    longer, it is made once more for that moment. The plan that flies is kept if it still holds and the new one is not
-    better by more than the rules' margin. ``now``: the clock that limits the solver, seconds. ``iterations``: those of
-    an earlier decision, to come to the same one whatever the clock says.
+    The travel time is guessed from the distances to the threats; a placement of a few rounds, made first, shows where
+    that is too short. The plan that flies is kept if it still holds and the new one is not better by more than the
+    rules' margin. ``now``: the clock that limits the solver, seconds. ``iterations``: those of an earlier decision, to
+    come to the same one whatever the clock says.
     """
     lead_s = _first_lead_s(situation, rules)
-    decision = _decide_for(situation, rules, lead_s, now, iterations[:1])
-    slowest_s = _slowest_s(decision, situation)
-    if decision.orders and slowest_s + rules.settle_s > lead_s + _ARRIVAL_TOLERANCE_S:
-        later = _decide_for(situation, rules, slowest_s + rules.settle_s, now, iterations[1:])
-        decision = replace(later, iterations=decision.iterations + later.iterations)
+    glance = _decide_for(situation, rules, lead_s, now, iterations[:1] or (_GLANCE_ROUNDS,))
+    needed_s = _slowest_s(glance, situation) + rules.settle_s
+    if glance.orders and needed_s > lead_s + _ARRIVAL_TOLERANCE_S:
+        lead_s = needed_s
+    decision = _decide_for(situation, rules, lead_s, now, iterations[1:])
     kept = _kept(situation, rules, decision)
-    return decision if kept is None else replace(kept, iterations=decision.iterations)
+    return replace(decision if kept is None else kept, iterations=glance.iterations + decision.iterations)
 
 
 def _decide_for(
