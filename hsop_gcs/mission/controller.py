@@ -64,7 +64,7 @@ _EVENTS_KEPT = 500
 
 _LEG_REACHED_M = 3.0
 """So near to a point of its route a host is sent on; routes keep more than this in hand."""
-_LEG_DEADLINE_S = 5.0
+_LEG_DEADLINE_S = 10.0
 _POSE_STEP_S = 0.025
 
 log = logging.getLogger(__name__)

@@ -11,6 +11,8 @@ from multiprocessing import get_context, parent_process
 from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation, decide
 from hsop_gcs.placement.search import warm_up, warm_up_beside
 
+_SPAWN = get_context("spawn")
+"""The service's threads and sockets must not be copied into a worker."""
 _PATIENCE_S = 30.0
 """On top of its time limit; after that the worker counts as hung."""
 
@@ -49,21 +51,18 @@ class Solver:
     def _start(self) -> None:
         self._pool = worker()
         self._warm = self._pool.submit(warm_up)
-        self._beside = worker()
-        self._beside.submit(warm_up_beside)
-        self._warm.add_done_callback(lambda _: end(self._beside))
+        self._beside = _SPAWN.Process(target=_warm_up_beside, daemon=True)
+        self._beside.start()
 
     def _end(self) -> None:
         end(self._pool)
-        end(self._beside)
+        self._beside.kill()
+        self._beside.join()
 
 
 def worker(*, niceness: int = 0) -> ProcessPoolExecutor:
     """Return a pool of one process that ends with this one, however this one ends."""
-    # spawn: the service's threads and sockets must not be copied into the worker
-    return ProcessPoolExecutor(
-        max_workers=1, mp_context=get_context("spawn"), initializer=_prepare, initargs=(niceness,)
-    )
+    return ProcessPoolExecutor(max_workers=1, mp_context=_SPAWN, initializer=_prepare, initargs=(niceness,))
 
 
 def end(pool: ProcessPoolExecutor) -> None:
@@ -85,6 +84,11 @@ def _prepare(niceness: int) -> None:
         os._exit(1)
 
     threading.Thread(target=wait, daemon=True).start()
+
+
+def _warm_up_beside() -> None:
+    _prepare(0)
+    warm_up_beside()
 
 
 def _decide(situation: Situation, rules: PlanningRules) -> Decision:

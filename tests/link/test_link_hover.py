@@ -21,7 +21,7 @@ from hsop_gcs.link.messages import (
     SetPositionTargetGlobalInt,
     StatusText,
 )
-from hsop_gcs.link.protocol.command import INSISTENT
+from hsop_gcs.link.protocol.command import INSISTENT, CommandLimits
 from hsop_gcs.link.protocol.hover import HoverOrder
 from hsop_gcs.link.vehicle import Vehicle
 
@@ -190,7 +190,7 @@ def test_a_fence_text_long_after_is_about_something_else(bench: Bench) -> None:
 
 def test_no_answer_at_all_is_a_failure(bench: Bench) -> None:
     bench.order()
-    bench.run(8.0)
+    bench.run(INSISTENT * (CommandLimits().reply_s + 0.1) + 0.5)
     assert "no reply" in bench.reason()
     assert len([message for message in bench.sent if isinstance(message, CommandInt)]) == INSISTENT
 
