@@ -52,17 +52,7 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
         tlog = None
         if settings.service.tlog is not None:
             tlog = TlogWriter(stack.enter_context(create_tlog(Path(settings.service.tlog), time.time())))
-        connections = {host.system_id: host.connection for host in fleet.hosts}
-        link = await stack.enter_async_context(
-            Link(
-                sorted(set(connections.values())),
-                connections,
-                connections=connections,
-                signing=_signing(settings),
-                on_frame=_recorder(tlog),
-                watchdog_s=_WATCHDOG_S,
-            )
-        )
+        link = await stack.enter_async_context(link_of(settings, tlog=tlog, watchdog_s=_WATCHDOG_S))
         mission = Mission(
             fleet=fleet,
             site=settings.to_site(),
@@ -80,6 +70,19 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
         finally:
             runner.cancel()
             await asyncio.gather(runner, return_exceptions=True)
+
+
+def link_of(settings: Settings, *, tlog: TlogWriter | None = None, watchdog_s: float | None = None) -> Link:
+    """Return the link to the fleet, not open yet."""
+    connections = {host.system_id: host.connection for host in settings.hosts}
+    return Link(
+        sorted(set(connections.values())),
+        connections,
+        connections=connections,
+        signing=_signing(settings),
+        on_frame=_recorder(tlog),
+        watchdog_s=watchdog_s,
+    )
 
 
 def _signing(settings: Settings) -> dict[str, Signing]:

@@ -26,6 +26,12 @@ class FlightLimits:
     floor_m: float = 5.0
     ceiling_m: float = 120.0
     speed_mps: float = 8.0
+    climb_mps: float = 1.5
+    """Up and down."""
+    battery_reserve_percent: float = 20.0
+    """A host with less is not sent; 0: it does not matter."""
+    link_loss_max: float = 0.6
+    """A host of whose messages a greater share is lost is not sent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

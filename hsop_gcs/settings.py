@@ -107,6 +107,11 @@ class LimitsSection(_Section):
     floor_m: Finite = 5.0
     ceiling_m: Finite = 120.0
     speed_mps: Positive = 8.0
+    climb_mps: Positive = 1.5
+    battery_reserve_percent: Annotated[float, Field(ge=0, le=100)] = 20.0
+    """A host with less is not sent; 0: it does not matter."""
+    link_loss_max: Annotated[float, Field(ge=0, le=1)] = 0.6
+    """A host of whose messages a greater share is lost is not sent."""
 
     @model_validator(mode="after")
     def _floor_below_ceiling(self) -> Self:

@@ -89,8 +89,10 @@ class _Socket(asyncio.DatagramTransport):
         return self._closing
 
     def close(self) -> None:
-        self._closing = True
-        self._loop.unbind(self._local)
+        if not self._closing:
+            self._closing = True
+            self._loop.unbind(self._local)
+            self._loop.call_soon(self.protocol.connection_lost, None)
 
 
 def run(main: Coroutine[Any, Any, T]) -> T:

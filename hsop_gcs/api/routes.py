@@ -107,7 +107,7 @@ def _routes(mission: Mission) -> APIRouter:
     @router.get("/hosts", operation_id="getHosts")
     async def get_hosts() -> list[HostOut]:
         """All hosts of the fleet: link, state, newest order and how far it is carried out."""
-        return [views.host_out(host, mission) for host in mission.fleet.hosts]
+        return views.hosts_out(mission)
 
     @router.get("/plan", operation_id="getPlan")
     async def get_plan() -> PlansOut:
@@ -129,6 +129,16 @@ def _routes(mission: Mission) -> APIRouter:
     async def hold(wanted: HostsIn) -> HostsOut:
         """Stop hosts where they are; from then on no plan flies without approval."""
         return HostsOut(hosts=mission.hold(wanted.hosts))
+
+    @router.post("/hosts/recall", operation_id="recall", responses=_problems(404, 422))
+    async def recall(wanted: HostsIn) -> HostsOut:
+        """Send hosts home to land; they stay out of plans until released, and no plan flies without approval."""
+        return HostsOut(hosts=mission.recall(wanted.hosts))
+
+    @router.post("/hosts/release", operation_id="release", responses=_problems(404, 422))
+    async def release(wanted: HostsIn) -> HostsOut:
+        """Give hosts back to the mission. Without names: all of them, and plans fly by its own autonomy again."""
+        return HostsOut(hosts=mission.release(wanted.hosts))
 
     @router.post("/hosts/register", operation_id="registerHost", status_code=204, responses=_problems(404, 422))
     async def register_host(wanted: RegisterIn) -> None:

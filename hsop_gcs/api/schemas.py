@@ -334,4 +334,6 @@ class HealthOut(BaseModel):
     reports: ReportCounts
     detections: DetectionCounts
     planning: PlanningHealth
+    gates: dict[str, int]
+    """How often each gate closed for a host that was open before, and each traffic rule stopped a flying one."""
     link: LinkHealth

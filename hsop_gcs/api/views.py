@@ -37,6 +37,7 @@ from hsop_gcs.link.pump import Link
 from hsop_gcs.link.vehicle import Progress
 from hsop_gcs.mission.controller import LoggedEvent, Mission
 from hsop_gcs.mission.dispatch import OrderProgress
+from hsop_gcs.mission.gates import Closed
 from hsop_gcs.mission.state import Plan
 from hsop_gcs.placement.scenario import plan_to_json
 from hsop_gcs.tracks import Track
@@ -65,16 +66,20 @@ def threat_out(track: Track, mission: Mission) -> ThreatOut:
     )
 
 
-def host_out(host: Host, mission: Mission) -> HostOut:
+def hosts_out(mission: Mission) -> list[HostOut]:
+    unavailable = mission.unavailable()
+    return [_host(host, mission, unavailable.get(host.id)) for host in mission.fleet.hosts]
+
+
+def _host(host: Host, mission: Mission, closed: Closed | None) -> HostOut:
     state = mission.vehicle(host).state
-    reason = mission.vehicle(host).why_not_ready(mission.link.now())
     local = None if state.position is None else mission.site.frame.to_enu(state.position).tolist()
     progress = mission.state.progress.get(host.id)
     return HostOut(
         id=host.id,
         system_id=host.system_id,
-        available=reason is None,
-        unavailable_reason=reason,
+        available=closed is None,
+        unavailable_reason=None if closed is None else closed.reason,
         link_up=state.link_up,
         heard_s_ago=None if state.last_heard_s is None else mission.link.now() - state.last_heard_s,
         link=_host_link(mission.link.vehicle_link(host.system_id)),
@@ -94,8 +99,7 @@ def host_out(host: Host, mission: Mission) -> HostOut:
 
 
 def event_out(logged: LoggedEvent) -> EventOut:
-    details = asdict(logged.event)
-    details.pop("system")
+    details = {name: value for name, value in asdict(logged.event).items() if name not in ("system", "host", "time_s")}
     return EventOut(
         number=logged.number,
         time=utc(logged.time_s),
@@ -117,7 +121,7 @@ def plans_out(mission: Mission) -> PlansOut:
 
 def health_out(mission: Mission, started_at_s: float) -> HealthOut:
     unavailable = mission.unavailable()
-    problems = [f"host {host_id}: {reason}" for host_id, reason in unavailable.items()]
+    problems = [f"host {host_id}: {closed.reason}" for host_id, closed in unavailable.items()]
     if not mission.link.running:
         problems.append("link: the pump has stopped")
     problems += [f"link: {problem}" for problem in mission.link.problems]
@@ -154,6 +158,7 @@ def health_out(mission: Mission, started_at_s: float) -> HealthOut:
             last_solve_s=None if newest is None else newest.decision.placement.solve_time_s,
             fault=mission.solver_fault,
         ),
+        gates=dict(mission.sky.closings),
         link=_link(mission.link),
     )
 
@@ -245,13 +250,13 @@ def _hover(order: HostOrder, mission: Mission) -> HoverOut:
 
 def _order(host: Host, progress: OrderProgress, mission: Mission) -> OrderOut:
     errors = mission.vehicle(host).progress
-    if errors is not None and errors.order.order_id != progress.order_id:
+    if errors is not None and not (progress.on_last_leg and errors.order.order_id == progress.leg_id):
         errors = None
     return OrderOut(
         order_id=progress.order_id,
         plan_id=progress.plan_id,
         status=progress.status,
-        note=progress.note,
+        note=mission.why_waiting(host) or progress.note,
         position=_position(mission.site.frame.to_geodetic(np.array(progress.order.position_m))),
         heading_deg=progress.order.heading_deg,
         aim=_aim(progress.order.aim),

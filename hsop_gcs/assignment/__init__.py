@@ -1,17 +1,25 @@
-"""Assignment: which host flies to which hover point, by which route, and the order each one gets. Pure."""
+"""Assignment: which host flies to which hover point, by which route, when, and the order each one gets. Pure."""
 
+from hsop_gcs.assignment.arrangement import Departure, NoSafeFlight, arrange, flight_s
 from hsop_gcs.assignment.matching import assign
-from hsop_gcs.assignment.orders import HostOrder, NoSafeFlight, flight_s, order_for, orders_for
-from hsop_gcs.assignment.routes import Mover, clearance_m, safe_route
+from hsop_gcs.assignment.orders import HostOrder, order_for, orders_for
+from hsop_gcs.assignment.routes import FlightRules, Mover, clearance_m, safe_route, why_unsafe
+from hsop_gcs.assignment.separation import Flight, in_the_way
 
 __all__ = [
+    "Departure",
+    "Flight",
+    "FlightRules",
     "HostOrder",
     "Mover",
     "NoSafeFlight",
+    "arrange",
     "assign",
     "clearance_m",
     "flight_s",
+    "in_the_way",
     "order_for",
     "orders_for",
     "safe_route",
+    "why_unsafe",
 ]

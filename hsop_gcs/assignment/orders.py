@@ -2,12 +2,13 @@
 
 import math
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
+from hsop_gcs.assignment.arrangement import NoSafeFlight, arrange
 from hsop_gcs.assignment.matching import FloatArray, assign
-from hsop_gcs.assignment.routes import Mover, safe_route
+from hsop_gcs.assignment.routes import FlightRules, Mover, safe_route
+from hsop_gcs.assignment.separation import Flight
 from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.geometry.frames import Aim, aim_between
 from hsop_gcs.placement.problem import Formulation, Point, Threat
@@ -21,21 +22,16 @@ class HostOrder:
     host: str
     position_m: Point
     via_m: tuple[Point, ...] = ()
-    """Points to fly to first, past threats."""
+    """Points to fly to first, past threats and other hosts."""
+    wait_s: float = 0.0
+    """About how long it waits for others to pass before it departs."""
     heading_deg: float
     aim: Aim | None
     """None: this plan does not use the central camera."""
     views: tuple[tuple[str, CameraKind], ...]
-    """Which threat by which camera."""
+    """Which threat by which camera; none: it only gives way to the others."""
     more_views: tuple[tuple[str, CameraKind], ...] = ()
     """The same, beyond the pairs: what the camera sees from there as well, fused into the threat's fix."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NoSafeFlight:
-    """No assignment has a safe route for every host."""
-
-    reason: str
 
 
 def orders_for(
@@ -44,21 +40,20 @@ def orders_for(
     *,
     threats_now: tuple[Threat, ...],
     threats_then: tuple[Threat, ...],
-    horizon_s: float,
-    safety_distance_m: float,
+    rules: FlightRules,
+    standing: tuple[Flight, ...] = (),
 ) -> tuple[HostOrder, ...] | NoSafeFlight:
-    """Give every hover pose to a host: minimum longest flight among routes that keep the safety distance.
+    """Give every hover pose to a host: minimum longest flight among safe routes, flown without conflict.
 
     A pose goes to a host with the same rig as the one that it was found for.
     ``threats_now`` decide which routes are safe for hosts that set out at once. ``threats_then``, the threats of
-    the placement, decide where cameras look. Orders come in the sequence of the placement's hosts.
+    the placement, decide where cameras look. Orders come in the sequence of the placement's hosts; behind them those of
+    idle hosts that have to give way. standing: what hovers there and cannot be sent.
     """
     rigs = {mover.id: mover.rig for mover in movers}
     routes = [
         [
-            safe_route(mover, pose.position_m, threats_now, horizon_s=horizon_s, safety_distance_m=safety_distance_m)
-            if mover.rig == rigs.get(pose.host)
-            else None
+            safe_route(mover, pose.position_m, threats_now, rules) if mover.rig == rigs.get(pose.host) else None
             for pose in placement.hosts
         ]
         for mover in movers
@@ -67,14 +62,24 @@ def orders_for(
     flight_m = np.array(lengths).reshape(len(movers), len(placement.hosts))
     chosen = assign(flight_m)
     if chosen is None:
-        return NoSafeFlight(reason=_why_not(flight_m, placement, safety_distance_m))
-    orders = []
-    for point, (host, pose) in enumerate(zip(chosen, placement.hosts, strict=True)):
-        route = routes[host][point]
-        assert route is not None, "an assignment uses no forbidden flight"
-        order = order_for(movers[host].id, pose, placement, threats_then, horizon_s)
-        orders.append(replace(order, via_m=route.points_m[:-1]))
-    return tuple(orders)
+        return NoSafeFlight(reason=_why_not(flight_m, placement, rules.safety_distance_m))
+    goals_m = {movers[host].id: pose.position_m for host, pose in zip(chosen, placement.hosts, strict=True)}
+    arranged = arrange(goals_m, movers, threats_now, rules, standing=standing)
+    if isinstance(arranged, NoSafeFlight):
+        return arranged
+    flown = {departure.host: departure for departure in arranged}
+    orders = [
+        order_for(host, pose, placement, threats_then, rules.horizon_s)
+        for host, pose in zip(goals_m, placement.hosts, strict=True)
+    ]
+    orders += [
+        HostOrder(host=host, position_m=departure.route_m[-1], heading_deg=0.0, aim=None, views=())
+        for host, departure in flown.items()
+        if host not in goals_m
+    ]
+    return tuple(
+        replace(order, via_m=flown[order.host].route_m[:-1], wait_s=flown[order.host].wait_s) for order in orders
+    )
 
 
 def order_for(
@@ -122,9 +127,3 @@ def _why_not(flight_m: FloatArray, placement: Placement, safety_distance_m: floa
         east, north, _ = blocked[0]
         return f"no host can reach ({east:.0f}, {north:.0f}) m and stay {safety_distance_m:g} m from all threats"
     return f"not all hosts can reach their hover points and stay {safety_distance_m:g} m from all threats"
-
-
-def flight_s(mover: Mover, order: HostOrder) -> float:
-    """Return how long the host flies along the order's route, seconds."""
-    points = (mover.position_m, *order.via_m, order.position_m)
-    return sum(math.dist(a, b) for a, b in pairwise(points)) / mover.speed_mps

@@ -1,12 +1,15 @@
-"""Routes: how a host gets to its hover point without coming near a threat: straight, or past it by a point or two."""
+"""Routes: how a host gets to its hover point without coming near a threat or leaving the airspace: straight, or past
+what is in the way by a point or two."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
 import numpy.typing as npt
 
+from hsop_gcs.assignment.corridor import corners_beside, why_outside
 from hsop_gcs.cameras.rig import CameraRig
+from hsop_gcs.placement.airspace import Airspace
 from hsop_gcs.placement.problem import Point, Threat
 
 FloatArray = npt.NDArray[np.float64]
@@ -31,6 +34,20 @@ class Mover:
     speed_mps: float
     rig: CameraRig | None = None
     """None: the one that hosts have in common."""
+    climb_mps: float = 1.5
+    """Up and down."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightRules:
+    """What every straight flight keeps to."""
+
+    horizon_s: float
+    """Threats fly straight on for so long; beyond it, they are taken to stay where that has brought them."""
+    safety_distance_m: float
+    separation_m: float
+    airspace: Airspace = field(default_factory=Airspace)
+    """The fence and the keep-out areas, and the limits of layers: floor and ceiling."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,35 +58,50 @@ class Route:
     length_m: float
 
 
-def safe_route(
-    mover: Mover, goal_m: Point, threats: tuple[Threat, ...], *, horizon_s: float, safety_distance_m: float
-) -> Route | None:
-    """Return the shortest route found that keeps the safety distance from all threats flying straight on, or None.
+def safe_route(mover: Mover, goal_m: Point, threats: tuple[Threat, ...], rules: FlightRules) -> Route | None:
+    """Return the shortest route found that is safe, or None. See ``why_unsafe``."""
 
-    Threats are looked at for ``horizon_s``: beyond it their prediction means nothing. A host that is already nearer to
-    a threat than the safety distance may not come nearer still.
-    """
-
-    def shortest(ways: FloatArray) -> Route | None:
+    def shortest(ways: FloatArray, shorter_than: Route | None = None) -> Route | None:
         lengths = np.linalg.norm(np.diff(ways, axis=1), axis=2).sum(axis=1)
         for index in np.argsort(lengths, kind="stable"):
-            if _clear(ways[index], mover, threats, horizon_s, safety_distance_m):
-                points = tuple((east, north, up) for east, north, up in ways[index, 1:].tolist())
+            if shorter_than is not None and lengths[index] >= shorter_than.length_m:
+                break
+            points = tuple((east, north, up) for east, north, up in ways[index, 1:].tolist())
+            if why_unsafe(mover, points, threats, rules) is None:
                 return Route(points_m=points, length_m=float(lengths[index]))
-        return None
+        return shorter_than
 
     start, goal = np.array(mover.position_m), np.array(goal_m)
     direct = shortest(np.stack([start, goal])[None])
-    if direct is not None or not threats:
+    corners = corners_beside(rules.airspace)
+    if direct is not None or not (threats or corners):
         return direct
-    beside = _beside(threats, horizon_s, safety_distance_m + _MARGIN_M)
+    beside = np.array([(east, north, 0.0) for east, north in corners]).reshape(-1, 3)
+    if threats:
+        around = _beside(threats, rules.horizon_s, rules.safety_distance_m + _MARGIN_M)
+        beside = np.concatenate([beside, around])
     beside[:, 2] = goal[2]
     by_one = shortest(_ways(start, beside[:, None], goal))
-    if by_one is not None:
+    if by_one is not None and not corners:
         return by_one
     near = np.linalg.norm(beside - start, axis=1) + np.linalg.norm(beside - goal, axis=1)
     kept = beside[np.argsort(near, kind="stable")[:_NEAREST]]
-    return shortest(_ways(start, np.array([pair for pair in product(kept, kept) if pair[0] is not pair[1]]), goal))
+    pairs = np.array([pair for pair in product(kept, kept) if pair[0] is not pair[1]])
+    return shortest(_ways(start, pairs, goal), by_one)
+
+
+def why_unsafe(mover: Mover, route_m: tuple[Point, ...], threats: tuple[Threat, ...], rules: FlightRules) -> str | None:
+    """Return what is wrong with flying a route from now on, for a person; None if it is safe.
+
+    It keeps the safety distance from all threats flying straight on, inside the fence and outside keep-out areas. A
+    host that is already nearer to a threat than the safety distance may not come nearer still.
+    """
+    distances = _distances(np.array([mover.position_m, *route_m]), mover, threats, rules.horizon_s)
+    near = np.min(distances - np.minimum(rules.safety_distance_m, distances[:, :1]), axis=1) < -1e-9
+    if near.any():
+        worst = int(np.argmin(np.where(near, distances.min(axis=1), np.inf)))
+        return f"comes to {distances[worst].min():.0f} m from threat {threats[worst].id}"
+    return why_outside(rules.airspace, (mover.position_m, *route_m))
 
 
 def clearance_m(mover: Mover, route_m: tuple[Point, ...], threats: tuple[Threat, ...], *, horizon_s: float) -> float:
@@ -78,22 +110,24 @@ def clearance_m(mover: Mover, route_m: tuple[Point, ...], threats: tuple[Threat,
     return float(_distances(way, mover, threats, horizon_s).min(initial=np.inf))
 
 
-def _clear(
-    way: FloatArray, mover: Mover, threats: tuple[Threat, ...], horizon_s: float, safety_distance_m: float
-) -> bool:
-    distances = _distances(way, mover, threats, horizon_s)
-    return bool(np.all(distances >= np.minimum(safety_distance_m, distances[:, :1]) - 1e-9))
-
-
 def _distances(way: FloatArray, mover: Mover, threats: tuple[Threat, ...], horizon_s: float) -> FloatArray:
-    """(threats, times) metres, for a host that flies the way, (points, 3), at constant speed from now on."""
-    legs = np.linalg.norm(np.diff(way, axis=0), axis=1)
-    reached_s = np.concatenate([[0.0], np.cumsum(legs)]) / mover.speed_mps
-    times = np.arange(0.0, min(float(reached_s[-1]), horizon_s) + _STEP_S, _STEP_S)
+    """(threats, times) metres, for a host that flies the way, (points, 3), at constant speed from now on.
+
+    Beyond the horizon threats stay where their prediction ends: a longer way round does not make a goal safe.
+    """
+    reached_s = np.concatenate([[0.0], np.cumsum(leg_times_s(way, mover))])
+    times = np.arange(0.0, float(reached_s[-1]) + _STEP_S, _STEP_S)
     host = np.stack([np.interp(times, reached_s, way[:, axis]) for axis in range(3)])
     start = np.array([threat.position_m for threat in threats]).reshape(-1, 3, 1)
     velocity = np.array([threat.velocity_mps for threat in threats]).reshape(-1, 3, 1)
+    times = np.minimum(times, horizon_s)
     return np.asarray(np.linalg.norm(start + velocity * times - host, axis=1))
+
+
+def leg_times_s(way: FloatArray, mover: Mover) -> FloatArray:
+    """Return how long each leg of a way, (points, 3), takes, (points - 1,) seconds: as long as its climb at least."""
+    legs = np.diff(way, axis=0)
+    return np.asarray(np.maximum(np.linalg.norm(legs, axis=1) / mover.speed_mps, np.abs(legs[:, 2]) / mover.climb_mps))
 
 
 def _beside(threats: tuple[Threat, ...], horizon_s: float, radius_m: float) -> FloatArray:
@@ -101,7 +135,8 @@ def _beside(threats: tuple[Threat, ...], horizon_s: float, radius_m: float) -> F
     angles = np.arange(_AROUND) * (2 * np.pi / _AROUND)
     ring = radius_m * np.stack([np.cos(angles), np.sin(angles), np.zeros(_AROUND)], axis=1)
     places = [threat.predicted_m(after_s) for threat in threats for after_s in np.linspace(0.0, horizon_s, _ALONG)]
-    return np.concatenate([np.array(place) + ring for place in places])
+    # a threat at rest has one place, not several
+    return np.unique(np.concatenate([np.round(place, 3) + ring for place in places]), axis=0)
 
 
 def _ways(start: FloatArray, via: FloatArray, goal: FloatArray) -> FloatArray:

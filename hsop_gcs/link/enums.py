@@ -173,3 +173,11 @@ class MavSysStatusSensor(IntFlag):
     AHRS = 0x200000
     BATTERY = 0x2000000
     PREARM_CHECK = 0x10000000
+
+
+class EstimatorFlags(IntFlag):
+    """What PX4's ESTIMATOR_STATUS and ArduPilot's EKF_STATUS_REPORT say in the same bits."""
+
+    POS_HORIZ_ABS = 16
+    POS_VERT_ABS = 32
+    CONST_POS_MODE = 128

@@ -7,12 +7,13 @@ presence ─► telemetry ─► subscriptions
                 └─► take off ─┘
 """
 
+import math
 from dataclasses import dataclass, field
 
 from hsop_gcs.errors import BadInput
 from hsop_gcs.geometry.frames import Aim
 from hsop_gcs.link.adapters import Adapter
-from hsop_gcs.link.enums import MavCmd, MavComponent
+from hsop_gcs.link.enums import DoRepositionFlags, MavCmd, MavComponent
 from hsop_gcs.link.events import (
     CommandFinished,
     Event,
@@ -25,7 +26,8 @@ from hsop_gcs.link.messages import CommandLong, Message
 from hsop_gcs.link.protocol.command import INSISTENT, CommandLimits, CommandSender, Outcome, Request
 from hsop_gcs.link.protocol.gimbal import Gimbal, GimbalTolerances
 from hsop_gcs.link.protocol.heartbeat import Presence
-from hsop_gcs.link.protocol.hover import Hover, HoverLimits, HoverOrder, Phase, why_not_ready
+from hsop_gcs.link.protocol.hover import Hover, HoverLimits, HoverOrder, Phase
+from hsop_gcs.link.protocol.ready import why_not_ready
 from hsop_gcs.link.protocol.round_trip import RoundTrip
 from hsop_gcs.link.protocol.subscriptions import Subscriptions
 from hsop_gcs.link.protocol.take_off import TakeOff, set_mode
@@ -123,7 +125,7 @@ class Vehicle:
 
     def why_not_ready(self, now: float) -> str | None:
         """Return why the vehicle cannot take a hover order now, for a person; None if it can."""
-        return why_not_ready(self.state, now, self._hover.limits)
+        return why_not_ready(self.state, now)
 
     def hover(self, order: HoverOrder, now: float) -> None:
         """Fly to a hover point and stay there; a hover order or take-off before it is superseded.
@@ -151,7 +153,7 @@ class Vehicle:
     def hold(self, now: float) -> None:
         """Stop where it is. Ends in ``CommandFinished``; the hover order, if any, is superseded."""
         adapter = self._telemetry.adapter
-        self._operate("hold", set_mode(self.system, adapter.hold_mode) if adapter is not None else None, now)
+        self._operate("hold", _hold(self.system, adapter) if adapter is not None else None, now)
 
     def return_to_launch(self, now: float) -> None:
         """Fly home and land. Ends in ``CommandFinished``; the hover order, if any, is superseded."""
@@ -277,6 +279,23 @@ class Vehicle:
         if on_station and not self._on_station and order is not None:
             self._events.append(OnStation(system=self.system, order_id=order.order_id))
         self._on_station = on_station
+
+
+def _hold(system: int, adapter: Adapter) -> CommandLong:
+    if not adapter.hold_is_reposition:
+        return set_mode(system, adapter.hold_mode)
+    here = math.nan
+    return CommandLong(
+        target_system=system,
+        target_component=MavComponent.AUTOPILOT1,
+        command=MavCmd.DO_REPOSITION,
+        param1=-1.0,
+        param2=float(DoRepositionFlags.CHANGE_MODE),
+        param4=here,
+        param5=here,
+        param6=here,
+        param7=here,
+    )
 
 
 def _check(order: HoverOrder) -> None:

@@ -8,13 +8,14 @@ applied, and an order after that.
 import asyncio
 import contextlib
 import logging
+import math
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from hsop_gcs.assignment import Mover, safe_route
+from hsop_gcs.assignment import Departure, Flight, NoSafeFlight, arrange
 from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.detections import Detection, PoseHistory, let_go, rays_of
 from hsop_gcs.detections import Verdict as RayVerdict
@@ -22,15 +23,19 @@ from hsop_gcs.errors import NotKnown, Refused, Unavailable
 from hsop_gcs.fleet import Fleet, Host
 from hsop_gcs.geometry.frames import Aim, aim_between
 from hsop_gcs.journal import Journal
-from hsop_gcs.link.events import Event
+from hsop_gcs.link.events import Event, OrderFailed
 from hsop_gcs.link.protocol.telemetry import VehicleState
 from hsop_gcs.link.pump import Link
 from hsop_gcs.link.tlog import TlogWriter
 from hsop_gcs.link.vehicle import Vehicle
 from hsop_gcs.mission.core import (
     DecisionMade,
+    HostDeparted,
     HostsHeld,
     HostSpoke,
+    HostsRecalled,
+    HostsReleased,
+    HostStopped,
     Input,
     LegFlown,
     MissionStarted,
@@ -48,12 +53,13 @@ from hsop_gcs.mission.core import (
     take_rays,
     take_reports,
 )
-from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus, hover_order, mover_of, with_telemetry
-from hsop_gcs.mission.pipeline import Situation
+from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus, hover_order, with_telemetry
+from hsop_gcs.mission.gates import Closed
+from hsop_gcs.mission.pipeline import Situation, flight_rules
 from hsop_gcs.mission.records import to_record
+from hsop_gcs.mission.sky import Sky
 from hsop_gcs.mission.solver import Solver
 from hsop_gcs.mission.state import Autonomy, Plan, ready, replan_reason
-from hsop_gcs.placement.problem import Point
 from hsop_gcs.reports import Measurement, Site
 from hsop_gcs.tracks import Refusal, Verdict, prune
 
@@ -72,12 +78,12 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoggedEvent:
-    """An event of a host, for people; numbers rise by one."""
+    """What happened to a host, for people; numbers rise by one."""
 
     number: int
     time_s: float
     host: str
-    event: Event
+    event: Event | Input
 
 
 class Mission:
@@ -111,6 +117,7 @@ class Mission:
         self.tlog = tlog
         """What records the link, to show whether it does."""
         self.journal_fault: str | None = None
+        self.sky = Sky(fleet, site, link)
         self._solver = solver
         self._solving: asyncio.Task[None] | None = None
         self._changed = asyncio.Event()
@@ -121,7 +128,7 @@ class Mission:
 
     def submit(self, measurements: Sequence[Measurement]) -> tuple[Verdict, ...]:
         """Take measurements that arrived together into the picture; return what became of each, in their order."""
-        given = ReportsArrived(time_s=self.clock(), measurements=tuple(measurements), hosts_m=self._hosts_m())
+        given = ReportsArrived(time_s=self.clock(), measurements=tuple(measurements), hosts_m=self.sky.hosts_m())
         self._record(given)
         self.state, verdicts = take_reports(self.state, given)
         for verdict in verdicts:
@@ -136,7 +143,7 @@ class Mission:
         """Take what hosts' cameras saw into the picture; return what became of each detection, in their order."""
         rules = self.state.rules
         rays = rays_of(detections, self._poses, self.fleet.rigs(), rules.detections)
-        given = RaysArrived(time_s=self.clock(), rays=rays, hosts_m=self._hosts_m())
+        given = RaysArrived(time_s=self.clock(), rays=rays, hosts_m=self.sky.hosts_m())
         self._record(given)
         self.state, verdicts = take_rays(self.state, given)
         self._changed.set()
@@ -172,9 +179,12 @@ class Mission:
     def take_off(self, altitude_m: float, host_ids: Iterable[str] | None = None) -> list[str]:
         """Order hosts into the air, ``altitude_m`` above their homes; return their ids. Only an operator does this."""
         hosts = self._hosts(host_ids)
+        names = tuple(host.id for host in hosts)
         for host in hosts:
             self.link.take_off(host.system_id, altitude_m)
-        return [host.id for host in hosts]
+        if any(name in self.state.aside for name in names):
+            self._take(HostsReleased(time_s=self.clock(), hosts=names, everyone=False))
+        return list(names)
 
     def hold(self, host_ids: Iterable[str] | None = None) -> list[str]:
         """Stop hosts where they are; return their ids. From then on no plan flies without a person's approval."""
@@ -183,6 +193,21 @@ class Mission:
             self.link.hold(host.system_id)
         self._take(HostsHeld(time_s=self.clock(), hosts=tuple(host.id for host in hosts)))
         return [host.id for host in hosts]
+
+    def recall(self, host_ids: Iterable[str] | None = None) -> list[str]:
+        """Send hosts home; return their ids. They are planned without until released; nothing flies unapproved."""
+        hosts = self._hosts(host_ids)
+        for host in hosts:
+            self.link.return_to_launch(host.system_id)
+        self._take(HostsRecalled(time_s=self.clock(), hosts=tuple(host.id for host in hosts)))
+        return [host.id for host in hosts]
+
+    def release(self, host_ids: Iterable[str] | None = None) -> list[str]:
+        """Give hosts back to the mission; return their ids. All of them: plans fly by its own autonomy again."""
+        hosts = tuple(host.id for host in self._hosts(host_ids))
+        self._take(HostsReleased(time_s=self.clock(), hosts=hosts, everyone=host_ids is None))
+        self._changed.set()
+        return list(hosts)
 
     def register(self, host_id: str, address: str) -> None:
         """Listen to a host at another address from now on. Raises NotKnown; BadInput for one that was not heard."""
@@ -197,18 +222,23 @@ class Mission:
         """Return the host's end of the link: its telemetry and how its order stands."""
         return self.link.vehicles[host.system_id]
 
-    def unavailable(self) -> dict[str, str]:
-        """Return why each host that cannot be sent cannot be sent."""
-        now = self.link.now()
-        reasons = {host.id: self.vehicle(host).why_not_ready(now) for host in self.fleet.hosts}
-        return {host_id: reason for host_id, reason in reasons.items() if reason is not None}
+    def unavailable(self) -> dict[str, Closed]:
+        """Return the gate at which each host that cannot be sent stands, and why."""
+        return self.sky.closed(self.state, self.clock())
+
+    def why_waiting(self, host: Host) -> str | None:
+        """Return what a host whose order waits is waiting for; None if it does not wait."""
+        progress = self.state.progress.get(host.id)
+        if progress is None or progress.status is not OrderStatus.WAITING:
+            return None
+        return self.sky.traffic(self.state, self.clock()).why_blocked(host.id) or "departs"
 
     def target_of(self, host: Host, at_s: float) -> Aim | None:
         """Return where a host should look for its threats at a time, from where it is; None if it is to follow none."""
         progress, position = self.state.progress.get(host.id), self.vehicle(host).state.position
         if progress is None or progress.order.aim is None or position is None:
             return None
-        if progress.status in (OrderStatus.SENT, OrderStatus.FAILED, OrderStatus.SUPERSEDED):
+        if progress.status not in (OrderStatus.ACCEPTED, OrderStatus.ARRIVED, OrderStatus.ON_STATION):
             return None
         tracks = self.state.picture.tracks
         seen = [name for name, camera in progress.order.views if camera is CameraKind.CENTRAL and name in tracks]
@@ -240,15 +270,20 @@ class Mission:
         now_s = self.clock()
         self._age(now_s)
         self._fly_unasked()
+        self._direct_traffic(now_s)
         self._fly_on(now_s)
         self._follow_threats(now_s)
         if self._solving is None:
             tracks = ready(self.state.picture.tracks.values(), now_s, self.state.rules.replanning)
-            movers = self._movers()
+            unavailable = self.unavailable()
+            self.sky.note(unavailable)
+            movers = self.sky.movers(unavailable)
             available = frozenset(mover.id for mover in movers)
             reason = replan_reason(self.state.plans, tracks, available, now_s, self.state.rules.replanning)
             if reason is not None:
-                asked = SolverAsked(time_s=now_s, trigger=reason, situation=situation(self.state, movers, now_s))
+                standing = self.sky.standing(unavailable)
+                given = situation(self.state, movers, now_s, standing=standing)
+                asked = SolverAsked(time_s=now_s, trigger=reason, situation=given)
                 self._take(asked)
                 self._solving = tasks.create_task(self._solve(asked.situation))
 
@@ -282,43 +317,57 @@ class Mission:
             self._changed.set()
 
     def _fly(self, plan: Plan) -> None:
-        """Send the proposed plan's orders, all or none. If one cannot fly now, the proposal is over: raises Refused."""
+        """Let the proposed plan's hosts depart, all or none. If one cannot, the proposal is over: raises Refused."""
         now_s = self.clock()
         try:
-            via_m = self._ways(plan, now_s)
+            departures = self._departures(plan, now_s)
         except Refused as error:
             self._take(ProposalRefused(time_s=now_s, reason=str(error)))
             self._changed.set()
             raise
-        self._take(PlanFlew(time_s=now_s, plan_id=plan.id, via_m=via_m))
-        for order in plan.decision.orders:
-            self._send(self.state.progress[order.host], for_s=plan.expires_at_s - now_s)
+        flying = [host for host, each in self.state.progress.items() if each.flying]
+        self._take(PlanFlew(time_s=now_s, plan_id=plan.id, departures=departures))
+        self._direct_traffic(now_s)
+        for host in flying:
+            progress = self.state.progress.get(host)
+            if progress is None or not progress.flying:
+                self._stop(self._hosts([host])[0])
 
-    def _ways(self, plan: Plan, now_s: float) -> dict[str, tuple[Point, ...]]:
-        """Return the points each host of a plan flies by, past threats. Raises Refused if one cannot fly now."""
+    def _departures(self, plan: Plan, now_s: float) -> tuple[Departure, ...]:
+        """Return the order in which a plan's hosts depart, and their routes. Raises Refused if one cannot fly now."""
         if now_s > plan.expires_at_s:
             raise Refused(f"plan {plan.id} ran out {now_s - plan.expires_at_s:.1f} s ago")
-        planning = self.state.rules.planning
-        movers = {mover.id: mover for mover in self._movers()}
-        threats = situation(self.state, (), now_s).threats
-        via_m = {}
-        for order in plan.decision.orders:
-            if order.host not in movers:
-                raise Refused(f"host {order.host}: {self.unavailable().get(order.host, 'not available')}")
-            route = safe_route(
-                movers[order.host],
-                order.position_m,
-                threats,
-                horizon_s=planning.horizon_s,
-                safety_distance_m=planning.safety_distance_m,
-            )
-            if route is None:
-                raise Refused(
-                    f"host {order.host} has no way to its hover point that stays {planning.safety_distance_m:g} m from"
-                    " all threats any more"
-                )
-            via_m[order.host] = route.points_m[:-1]
-        return via_m
+        unavailable = self.unavailable()
+        goals_m = {order.host: order.position_m for order in plan.decision.orders}
+        for host in goals_m:
+            if host in unavailable:
+                raise Refused(f"host {host}: {unavailable[host].reason}")
+        movers = self.sky.movers(unavailable)
+        idle = tuple(Flight(host=mover.id, points_m=(mover.position_m,)) for mover in movers if mover.id not in goals_m)
+        arranged = arrange(
+            goals_m,
+            tuple(mover for mover in movers if mover.id in goals_m),
+            situation(self.state, (), now_s).threats,
+            flight_rules(self.state.rules.planning),
+            standing=idle + self.sky.standing(unavailable),
+        )
+        if isinstance(arranged, NoSafeFlight):
+            raise Refused(arranged.reason)
+        return arranged
+
+    def _direct_traffic(self, now_s: float) -> None:
+        """Let hosts depart, turn aside, stop and try again."""
+        for given in list(self.sky.traffic(self.state, now_s).moves()):
+            host = self._hosts([given.host])[0]
+            if isinstance(given, HostStopped):
+                self._stop(host)
+                self.sky.closings[given.gate] += 1
+            self._take(given)
+            self._log(host, given)
+            if isinstance(given, HostDeparted):
+                plan = self.state.plans.flying
+                assert plan is not None, "only hosts of the flying plan depart"
+                self._send(self.state.progress[host.id], for_s=plan.expires_at_s - now_s)
 
     def _fly_unasked(self) -> None:
         """In auto, let a proposal fly."""
@@ -336,8 +385,10 @@ class Mission:
             progress, flown = self.state.progress.get(host.id), self.vehicle(host).progress
             if progress is None or progress.on_last_leg or progress.status is not OrderStatus.ACCEPTED:
                 continue
-            away_m = None if flown is None or flown.order.order_id != progress.leg_id else flown.horizontal_error_m
-            if away_m is not None and away_m <= _LEG_REACHED_M:
+            if flown is None or flown.order.order_id != progress.leg_id:
+                continue
+            aside_m, above_m = flown.horizontal_error_m, flown.vertical_error_m
+            if aside_m is not None and above_m is not None and math.hypot(aside_m, above_m) <= _LEG_REACHED_M:
                 self._take(LegFlown(time_s=now_s, host=host.id))
                 self._send(self.state.progress[host.id], for_s=_LEG_DEADLINE_S)
 
@@ -351,14 +402,25 @@ class Mission:
         while True:
             event = await self.link.events.get()
             host = self.fleet.host_of_system(event.system)
-            number = self.events[-1].number + 1 if self.events else 1
-            now_s = self.clock()
-            self.events.append(LoggedEvent(number=number, time_s=now_s, host=host.id, event=event))
+            progress = self.state.progress.get(host.id)
+            if isinstance(event, OrderFailed) and progress is not None and progress.leg_id == event.order_id:
+                self._stop(host)
+            self._log(host, event)
             try:
-                self._take(HostSpoke(time_s=now_s, host=host.id, event=event))
+                self._take(HostSpoke(time_s=self.clock(), host=host.id, event=event))
             except Unavailable:
                 log.exception("%s of host %s is not in the journal", type(event).__name__, host.id)
             self._changed.set()
+
+    def _stop(self, host: Host) -> None:
+        """Hold a host that may still fly to its point; one that somebody else flies is left to him."""
+        aircraft = self.sky.aircraft()[host.id]
+        if aircraft.obeys and aircraft.state.link_up and aircraft.state.in_air:
+            self.link.hold(host.system_id)
+
+    def _log(self, host: Host, event: Event | Input) -> None:
+        number = self.events[-1].number + 1 if self.events else 1
+        self.events.append(LoggedEvent(number=number, time_s=self.clock(), host=host.id, event=event))
 
     async def _watch_poses(self) -> None:
         """Remember where hosts were and how they were turned, for what their cameras will say they saw then."""
@@ -390,20 +452,6 @@ class Mission:
             self.journal_fault = f"cannot write the journal: {error.strerror}"
             raise Unavailable(self.journal_fault) from error
         self.journal_fault = None
-
-    def _movers(self) -> tuple[Mover, ...]:
-        unavailable = self.unavailable()
-        return tuple(
-            mover_of(host, self.vehicle(host).state, self.site.frame, self.fleet.limits)
-            for host in self.fleet.hosts
-            if host.id not in unavailable
-        )
-
-    def _hosts_m(self) -> dict[str, Point]:
-        """Where our own aircraft are, as far as they are heard."""
-        positions = {host.id: self.vehicle(host).state.position for host in self.fleet.hosts}
-        known = {name: self.site.frame.to_enu(at).tolist() for name, at in positions.items() if at is not None}
-        return {name: (east, north, up) for name, (east, north, up) in known.items()}
 
     def _hosts(self, host_ids: Iterable[str] | None) -> list[Host]:
         by_id = {host.id: host for host in self.fleet.hosts}

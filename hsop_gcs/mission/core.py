@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-from hsop_gcs.assignment import Mover
+from hsop_gcs.assignment import Departure, Flight, Mover
 from hsop_gcs.detections import DetectionRules, Ray, Refused, Watch, assimilate, let_go
 from hsop_gcs.detections import Verdict as RayVerdict
 from hsop_gcs.link.events import Event, OrderEvent
@@ -44,6 +44,10 @@ class Rules:
     tracks: TrackRules = field(default_factory=TrackRules)
     reports: ReportRules = field(default_factory=ReportRules)
     detections: DetectionRules = field(default_factory=DetectionRules)
+    attempts: int = 3
+    """At one order, before its host is set aside."""
+    set_aside_s: float = 60.0
+    """How long the mission plans without a host that failed."""
     dismissed_for_s: float = 300.0
     """How long the reports of a dismissed threat are refused."""
 
@@ -100,11 +104,44 @@ class DecisionMade(Input):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanFlew(Input):
-    """The proposed plan was approved and its orders are about to be sent."""
+    """The proposed plan was approved: its hosts depart, each when nothing is in its way."""
 
     plan_id: str
-    via_m: Mapping[str, tuple[Point, ...]]
-    """Each host's way past threats, from where it is now."""
+    departures: tuple[Departure, ...]
+    """The order in which they go, and each host's way past threats and the others, from where it is now."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostDeparted(Input):
+    """A host's order is about to be sent: the first time, after a stop, or by another way than before."""
+
+    host: str
+    route_m: tuple[Point, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostStopped(Input):
+    """A flying host is stopped where it is, for it comes too near to something; it waits for another way."""
+
+    host: str
+    gate: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostRetried(Input):
+    """A host's order failed and is to be tried again."""
+
+    host: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostSetAside(Input):
+    """A host cannot carry out its order, or somebody else flies it. until_s None: until it is released."""
+
+    host: str
+    reason: str
+    until_s: float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,6 +166,21 @@ class HostsHeld(Input):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class HostsRecalled(Input):
+    """An operator sent hosts home."""
+
+    hosts: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostsReleased(Input):
+    """An operator gave hosts back to the mission; all of them: and its autonomy too."""
+
+    hosts: tuple[str, ...]
+    everyone: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ThreatDismissed(Input):
     """An operator took a threat out of the picture."""
 
@@ -144,12 +196,22 @@ class HostSpoke(Input):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Aside:
+    """Why a host is planned without, and until when; None: until it is released."""
+
+    reason: str
+    until_s: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MissionState:
     """All that is known and decided at one moment."""
 
     rules: Rules = field(default_factory=Rules)
-    autonomy: Autonomy = Autonomy.CONFIRM
-    """The rules' own until an operator's hold takes automation away."""
+    held: bool = False
+    """An operator's hold or recall took automation away, until hosts are released."""
+    aside: Mapping[str, Aside] = field(default_factory=lambda: MappingProxyType({}))
+    """Hosts that are planned without."""
     picture: Picture = field(default_factory=Picture)
     watch: Watch = field(default_factory=Watch)
     """Of detections: those that wait for an explanation, and what became of all."""
@@ -160,6 +222,17 @@ class MissionState:
     """What the solver is working on."""
     dismissed: Mapping[tuple[str, str], float] = field(default_factory=lambda: MappingProxyType({}))
     """Sources' own ids whose reports are refused, and until when."""
+
+    @property
+    def autonomy(self) -> Autonomy:
+        """The rules' own, but nothing flies unasked while hosts are held."""
+        own = self.rules.autonomy
+        return Autonomy.CONFIRM if self.held and own is Autonomy.AUTO else own
+
+    def why_aside(self, host: str, now_s: float) -> str | None:
+        """Return why a host is planned without at this time, if it is."""
+        aside = self.aside.get(host)
+        return None if aside is None or (aside.until_s is not None and now_s >= aside.until_s) else aside.reason
 
 
 def apply(mission: MissionState, given: Input) -> MissionState:
@@ -181,17 +254,21 @@ def apply(mission: MissionState, given: Input) -> MissionState:
             return replace(mission, asked=given)
         case DecisionMade():
             return _with_decision(mission, given)
-        case PlanFlew(via_m=via_m):
-            return _with_plan_flying(mission, via_m)
+        case PlanFlew(departures=departures):
+            return _with_plan_flying(mission, departures)
         case ProposalRefused(reason=reason):
             return replace(mission, plans=with_proposal_refused(mission.plans, reason))
-        case LegFlown(host=host):
-            progress = mission.progress[host]
-            return _with_progress(mission, host, replace(progress, leg=progress.leg + 1))
+        case LegFlown() | HostDeparted() | HostStopped() | HostRetried() | HostSetAside():
+            return _with_move(mission, given)
         case HostsHeld(hosts=hosts):
-            left = {host: progress for host, progress in mission.progress.items() if host not in hosts}
-            autonomy = Autonomy.CONFIRM if mission.autonomy is Autonomy.AUTO else mission.autonomy
-            return replace(mission, progress=MappingProxyType(left), autonomy=autonomy)
+            return replace(_without_orders(mission, hosts), held=True)
+        case HostsRecalled(hosts=hosts):
+            recalled = dict.fromkeys(hosts, Aside(reason="recalled by the operator", until_s=None))
+            aside = MappingProxyType({**mission.aside, **recalled})
+            return replace(_without_orders(mission, hosts), held=True, aside=aside)
+        case HostsReleased(hosts=hosts, everyone=everyone):
+            left = {host: aside for host, aside in mission.aside.items() if host not in hosts}
+            return replace(mission, aside=MappingProxyType(left), held=mission.held and not everyone)
         case HostSpoke(host=host, event=event):
             return _with_event(mission, host, event)
     raise ValueError(f"no mission takes {type(given).__name__}")
@@ -233,7 +310,9 @@ def take_rays(mission: MissionState, given: RaysArrived) -> tuple[MissionState, 
     return replace(mission, picture=after.picture, watch=after.watch), after.verdicts
 
 
-def situation(mission: MissionState, movers: tuple[Mover, ...], now_s: float) -> Situation:
+def situation(
+    mission: MissionState, movers: tuple[Mover, ...], now_s: float, *, standing: tuple[Flight, ...] = ()
+) -> Situation:
     """Return what a decision made now depends on: the threats worth planning for, the hosts and the flying plan."""
     tracks = ready(mission.picture.tracks.values(), now_s, mission.rules.replanning)
     flying = mission.plans.flying
@@ -249,6 +328,7 @@ def situation(mission: MissionState, movers: tuple[Mover, ...], now_s: float) ->
             for track in tracks
         ),
         movers=movers,
+        standing=standing,
         flying=None if flying is None else flying.decision.placement,
     )
 
@@ -262,7 +342,6 @@ def _started(mission: MissionState, rules: Rules) -> MissionState:
     return replace(
         mission,
         rules=rules,
-        autonomy=rules.autonomy,
         plans=Plans(made=mission.plans.made),
         progress=MappingProxyType(left),
         asked=None,
@@ -285,7 +364,8 @@ def _with_decision(mission: MissionState, given: DecisionMade) -> MissionState:
         now_s=given.time_s,
         horizon_s=horizon_s,
     )
-    return replace(mission, plans=plans, asked=None)
+    # threats may have left while the solver worked: then there is nothing to fly for
+    return replace(mission, plans=plans if mission.picture.tracks else without_threats(plans), asked=None)
 
 
 def _without(mission: MissionState, threat_id: str, *, time_s: float) -> MissionState:
@@ -295,17 +375,56 @@ def _without(mission: MissionState, threat_id: str, *, time_s: float) -> Mission
     return _with_picture(mission, dismiss(mission.picture, threat_id))
 
 
-def _with_plan_flying(mission: MissionState, via_m: Mapping[str, tuple[Point, ...]]) -> MissionState:
+def _with_plan_flying(mission: MissionState, departures: tuple[Departure, ...]) -> MissionState:
+    """Hosts that the plan does not need keep their old order only where they have arrived."""
     plans = with_proposal_flying(mission.plans)
     plan = plans.flying
     assert plan is not None
-    new = {
-        order.host: OrderProgress(
-            order_id=f"{plan.id}/{order.host}", plan_id=plan.id, order=replace(order, via_m=via_m[order.host])
+    there = (OrderStatus.ARRIVED, OrderStatus.ON_STATION, OrderStatus.GIVEN_UP)
+    progress = {host: each for host, each in mission.progress.items() if each.status in there}
+    orders = {order.host: order for order in plan.decision.orders}
+    for rank, departure in enumerate(departures):
+        order = replace(orders[departure.host], via_m=departure.route_m[:-1], wait_s=departure.wait_s)
+        progress[order.host] = OrderProgress(
+            order_id=f"{plan.id}/{order.host}", plan_id=plan.id, order=order, rank=rank
         )
-        for order in plan.decision.orders
-    }
-    return replace(mission, plans=plans, progress=MappingProxyType({**mission.progress, **new}))
+    return replace(mission, plans=plans, progress=MappingProxyType(progress))
+
+
+def _with_move(
+    mission: MissionState, given: LegFlown | HostDeparted | HostStopped | HostRetried | HostSetAside
+) -> MissionState:
+    progress = mission.progress[given.host]
+    match given:
+        case LegFlown():
+            progress = replace(progress, leg=progress.leg + 1)
+        case HostDeparted(route_m=route_m):
+            progress = replace(
+                progress,
+                order=replace(progress.order, via_m=route_m[:-1]),
+                leg=0,
+                departures=progress.departures + 1,
+                status=OrderStatus.SENT,
+                note="",
+            )
+        case HostStopped(reason=reason):
+            progress = replace(progress, status=OrderStatus.WAITING, note=reason)
+        case HostRetried():
+            progress = replace(progress, status=OrderStatus.WAITING, attempts=progress.attempts + 1)
+        case HostSetAside(host=host, reason=reason, until_s=until_s):
+            progress = replace(progress, status=OrderStatus.GIVEN_UP, note=reason)
+            aside = {**mission.aside, host: Aside(reason=reason, until_s=until_s)}
+            mission = replace(mission, aside=MappingProxyType(aside))
+    return _with_progress(mission, given.host, progress)
+
+
+def _without_orders(mission: MissionState, hosts: tuple[str, ...]) -> MissionState:
+    """Held hosts carry out no plan any more, and a plan without them is none."""
+    left = {host: progress for host, progress in mission.progress.items() if host not in hosts}
+    flying = mission.plans.flying
+    over = flying is not None and any(order.host in hosts for order in flying.decision.orders)
+    plans = replace(mission.plans, flying=None) if over else mission.plans
+    return replace(mission, plans=plans, progress=MappingProxyType(left))
 
 
 def _with_event(mission: MissionState, host: str, event: Event) -> MissionState:

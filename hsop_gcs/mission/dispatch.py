@@ -27,6 +27,8 @@ from hsop_gcs.placement.problem import Point
 
 
 class OrderStatus(StrEnum):
+    WAITING = "waiting"
+    """Not sent yet, or stopped on the way, until nothing is in the way."""
     SENT = "sent"
     ACCEPTED = "accepted"
     """The autopilot said yes; it is on its way."""
@@ -35,6 +37,8 @@ class OrderStatus(StrEnum):
     """At the hover point, and the gimbal looks where it should."""
     FAILED = "failed"
     SUPERSEDED = "superseded"
+    GIVEN_UP = "given up"
+    """Failed too often; the host is set aside."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,10 +48,21 @@ class OrderProgress:
     order_id: str
     plan_id: str
     order: HostOrder
+    rank: int = 0
+    """Hosts of one plan depart in this order, where they would meet."""
     leg: int = 0
     """How many points of its route the host has passed."""
-    status: OrderStatus = OrderStatus.SENT
+    departures: int = 0
+    """How often it set out."""
+    attempts: int = 1
+    """How often it may have failed, and one."""
+    status: OrderStatus = OrderStatus.WAITING
     note: str = ""
+
+    @property
+    def flying(self) -> bool:
+        """Whether it is on its way."""
+        return self.status in (OrderStatus.SENT, OrderStatus.ACCEPTED)
 
     @property
     def on_last_leg(self) -> bool:
@@ -56,19 +71,31 @@ class OrderProgress:
     @property
     def leg_id(self) -> str:
         """The name of the present leg on the link."""
-        return self.order_id if self.on_last_leg else f"{self.order_id}/via{self.leg + 1}"
+        departure = self.order_id if self.departures <= 1 else f"{self.order_id}/again{self.departures - 1}"
+        return departure if self.on_last_leg else f"{departure}/via{self.leg + 1}"
+
+    @property
+    def ahead_m(self) -> tuple[Point, ...]:
+        """The points it has still to fly to, ENU metres."""
+        return (*self.order.via_m[self.leg :], self.order.position_m)
 
     @property
     def goal_m(self) -> Point:
         """Where the host is flying to now, ENU metres."""
-        return self.order.position_m if self.on_last_leg else self.order.via_m[self.leg]
+        return self.ahead_m[0]
 
 
 def mover_of(host: Host, state: VehicleState, frame: LocalFrame, limits: FlightLimits) -> Mover:
     """Return the host as assignment sees it. The state must have a position."""
     assert state.position is not None
     east, north, up = (float(value) for value in frame.to_enu(state.position))
-    return Mover(id=host.id, position_m=(east, north, up), speed_mps=limits.speed_mps, rig=host.rig)
+    return Mover(
+        id=host.id,
+        position_m=(east, north, up),
+        speed_mps=limits.speed_mps,
+        climb_mps=limits.climb_mps,
+        rig=host.rig,
+    )
 
 
 def with_telemetry(
@@ -108,6 +135,8 @@ def hover_order(progress: OrderProgress, frame: LocalFrame, *, deadline_s: float
 
 def progressed(progress: OrderProgress, event: Event) -> OrderProgress:
     """Return the order's progress after an event of its present leg; a point on the way is no arrival."""
+    if progress.status in (OrderStatus.WAITING, OrderStatus.GIVEN_UP):
+        return progress
     if not progress.on_last_leg and not isinstance(event, OrderAccepted | OrderFailed):
         return progress
     match event:

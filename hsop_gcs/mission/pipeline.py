@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from hsop_gcs.assignment import HostOrder, Mover, NoSafeFlight, flight_s, order_for, orders_for
+from hsop_gcs.assignment import Flight, FlightRules, HostOrder, Mover, NoSafeFlight, flight_s, order_for, orders_for
 from hsop_gcs.cameras.rig import CameraRig
 from hsop_gcs.fleet import FlightLimits
 from hsop_gcs.placement import place
@@ -71,6 +71,8 @@ class Situation:
     """Where they are now."""
     movers: tuple[Mover, ...]
     """The hosts that can be sent."""
+    standing: tuple[Flight, ...] = ()
+    """Our other aircraft in the air: they cannot be sent, and nobody flies into them."""
     flying: Placement | None = None
     """The plan that flies, if one does."""
 
@@ -116,6 +118,20 @@ def decide(
     return replace(decision if kept is None else kept, iterations=glance.iterations + decision.iterations)
 
 
+def flight_rules(rules: PlanningRules) -> FlightRules:
+    """Return what flights to hover points keep to when they depart.
+
+    Half of the margin that hover points keep on top of the safety distance: what was planned a moment ago is still good
+    when a threat has moved a little, and what departs now is not stopped at once when it moves a little more.
+    """
+    return FlightRules(
+        horizon_s=rules.horizon_s,
+        safety_distance_m=rules.safety_distance_m + rules.safety_margin_m / 2,
+        separation_m=rules.min_separation_m,
+        airspace=replace(rules.airspace, floor_m=rules.limits.floor_m, ceiling_m=rules.limits.ceiling_m),
+    )
+
+
 def _decide_for(
     situation: Situation, rules: PlanningRules, lead_s: float, now: Callable[[], float], iterations: tuple[int, ...]
 ) -> Decision:
@@ -146,12 +162,12 @@ def _decide_for(
         situation.movers,
         threats_now=situation.threats,
         threats_then=problem.threats,
-        horizon_s=rules.horizon_s,
-        safety_distance_m=rules.safety_distance_m,
+        rules=flight_rules(rules),
+        standing=situation.standing,
     )
     if isinstance(orders, NoSafeFlight):
         return replace(decision, placement=placement, reason=orders.reason)
-    flown_by = {pose.host: order.host for pose, order in zip(placement.hosts, orders, strict=True)}
+    flown_by = {pose.host: order.host for pose, order in zip(placement.hosts, orders, strict=False)}
     return replace(decision, placement=renamed(placement, flown_by), orders=orders)
 
 
@@ -245,4 +261,11 @@ def _first_lead_s(situation: Situation, rules: PlanningRules) -> float:
 def _slowest_s(decision: Decision, situation: Situation) -> float:
     """The longest flight of the orders; 0 without orders."""
     mover_of = {mover.id: mover for mover in situation.movers}
-    return max((flight_s(mover_of[order.host], order) for order in decision.orders), default=0.0)
+    return max(
+        (
+            order.wait_s + flight_s(mover_of[order.host], (*order.via_m, order.position_m))
+            for order in decision.orders
+            if order.views
+        ),
+        default=0.0,
+    )

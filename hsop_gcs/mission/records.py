@@ -12,8 +12,14 @@ from hsop_gcs.link import events
 from hsop_gcs.link.events import Event
 from hsop_gcs.mission.core import (
     DecisionMade,
+    HostDeparted,
+    HostRetried,
+    HostSetAside,
     HostsHeld,
     HostSpoke,
+    HostsRecalled,
+    HostsReleased,
+    HostStopped,
     Input,
     LegFlown,
     MissionStarted,
@@ -38,7 +44,13 @@ _PLAIN = (
     PlanFlew,
     ProposalRefused,
     LegFlown,
+    HostDeparted,
+    HostStopped,
+    HostRetried,
+    HostSetAside,
     HostsHeld,
+    HostsRecalled,
+    HostsReleased,
     ThreatDismissed,
 )
 _ADAPTERS: dict[str, TypeAdapter[Any]] = {cls.__name__: TypeAdapter(cls) for cls in _PLAIN}

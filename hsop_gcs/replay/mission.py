@@ -106,7 +106,8 @@ def _decide_again(asked: Situation, recorded: Decision, rules: PlanningRules) ->
 
 def _situation_differences(number: int, given: SolverAsked, state: MissionState) -> Iterator[Difference]:
     """Whether the tracks have come to where they were when the solver was asked."""
-    again = situation(state, given.situation.movers, given.situation.now_s)
+    asked = given.situation
+    again = situation(state, asked.movers, asked.now_s, standing=asked.standing)
     yield from _differences(number, given, "situation", given.situation, again)
 
 

@@ -214,7 +214,9 @@ class Px4(Vehicle):
         self.take_off_to(self.place_of(here.lat_deg, here.lon_deg, altitude_amsl_m)[2])
 
     def _enter(self, mode: Mode) -> MavResult:
-        """Change the mode and start what it means."""
+        """Change the mode and start what it means; Hold goes on with a reposition that is flown inside it."""
+        if self.mode == mode == Mode.HOLD:
+            return MavResult.ACCEPTED
         self.mode = mode
         match mode:
             case Mode.HOLD:

@@ -7,13 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hsop_gcs.assignment import HostOrder, Mover, NoSafeFlight, clearance_m, orders_for, safe_route
+from hsop_gcs.assignment import FlightRules, HostOrder, Mover, NoSafeFlight, clearance_m, orders_for, safe_route
 from hsop_gcs.cameras.pinhole import PinholeCamera
 from hsop_gcs.cameras.rig import CameraKind, CameraRig
 from hsop_gcs.placement.problem import Formulation, Objective, Point, Threat
 from hsop_gcs.placement.solution import HoverPose, Placement, Status, ThreatPair, View
 
 CENTIMETRE = 0.01
+RULES = FlightRules(horizon_s=10.0, safety_distance_m=20.0, separation_m=10.0)
 RING = [(math.cos(k * math.pi / 6), math.sin(k * math.pi / 6)) for k in range(12)]
 
 
@@ -44,9 +45,7 @@ PLACEMENT = placement(pose("a", (0.0, -30.0, 20.0), 0.0), pose("b", (-40.0, 0.0,
 def ordered(
     movers: tuple[Mover, ...], threat: Threat = THREAT, placed: Placement = PLACEMENT
 ) -> tuple[HostOrder, ...] | NoSafeFlight:
-    return orders_for(
-        placed, movers, threats_now=(threat,), threats_then=(threat,), horizon_s=10.0, safety_distance_m=20.0
-    )
+    return orders_for(placed, movers, threats_now=(threat,), threats_then=(threat,), rules=RULES)
 
 
 def test_each_hover_point_goes_to_the_host_that_is_near() -> None:
@@ -91,8 +90,7 @@ def test_a_plan_that_uses_no_central_camera_aims_none() -> None:
         (mover("h1", -60, 0, 50), mover("h2", 0, -60, 20)),
         threats_now=(THREAT,),
         threats_then=(THREAT,),
-        horizon_s=10.0,
-        safety_distance_m=20.0,
+        rules=RULES,
     )
     assert not isinstance(orders, NoSafeFlight)
     assert [order.aim for order in orders] == [None, None]
@@ -123,8 +121,7 @@ def test_no_orders_when_every_way_leads_past_a_threat() -> None:
         (mover("h1", 60, 0, 50), mover("h2", 60, -5, 50)),
         threats_now=fence,
         threats_then=(THREAT,),
-        horizon_s=10.0,
-        safety_distance_m=20.0,
+        rules=RULES,
     )
     assert isinstance(refused, NoSafeFlight)
     assert "20 m from all threats" in refused.reason
@@ -147,7 +144,7 @@ def test_clearance_counts_where_the_threat_is_at_that_moment() -> None:
 def test_a_host_caught_inside_the_safety_distance_flies_out_and_never_nearer() -> None:
     caught = mover("h1", -5, 0, 50)
     for goal in ((-40.0, 0.0, 50.0), (40.0, 0.0, 50.0)):
-        route = safe_route(caught, goal, (THREAT,), horizon_s=10.0, safety_distance_m=20.0)
+        route = safe_route(caught, goal, (THREAT,), RULES)
         assert route is not None
         assert route.points_m[-1] == goal
         assert clearance_m(caught, route.points_m, (THREAT,), horizon_s=10.0) >= 5 - 1 * CENTIMETRE
@@ -163,7 +160,7 @@ def test_no_route_comes_nearer_than_it_may(start: Point, goal: Point, moving: li
         Threat(id=str(k), position_m=at, velocity_mps=(east, north, 0.0)) for k, (at, east, north) in enumerate(moving)
     )
     flying = Mover(id="h", position_m=start, speed_mps=10.0)
-    route = safe_route(flying, goal, threats, horizon_s=10.0, safety_distance_m=20.0)
+    route = safe_route(flying, goal, threats, RULES)
     if route is None:
         return
     for threat in threats:

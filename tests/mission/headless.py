@@ -24,6 +24,7 @@ from hsop_gcs.mission.solver import Solver
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.reports import Report, Site
 from hsop_gcs.simulator.eyes import Viewer, look
+from hsop_gcs.simulator.faults import Fault
 from hsop_gcs.simulator.fleet import Autopilot, FleetConfig, SimulatedFleet, grid
 from hsop_gcs.simulator.lookout import pose_of
 from hsop_gcs.simulator.truth import TrueState
@@ -52,6 +53,7 @@ class Flight:
     radar_sigma_m: float = 15.0
     radar_period_s: float = 1.0
     camera_period_s: float = 0.2
+    faults: tuple[Fault, ...] = ()
     latency_s: float = 0.1
     """From an exposure to the service."""
     solve_s: float = 0.5
@@ -110,6 +112,7 @@ async def _fly(flight: Flight, watch: Callable[[Moment], None], solve: Decide, j
             local_port=0,
             airborne_m=flight.altitude_m,
             seed=flight.seed,
+            faults=flight.faults,
         ),
         clock=loop.time,
     )

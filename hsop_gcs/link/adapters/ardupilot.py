@@ -57,6 +57,7 @@ ARDUPILOT = Adapter(
     mode_name=_mode_name,
     hover_mode=_mode(4),
     hold_mode=_mode(17),
+    hold_is_reposition=False,
     take_off_mode=_mode(4),
     take_off_altitude_is_amsl=False,
     heading_needs_follow_up=True,

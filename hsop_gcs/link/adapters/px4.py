@@ -60,6 +60,7 @@ PX4 = Adapter(
     mode_name=_mode_name,
     hover_mode=_auto(3),
     hold_mode=_auto(3),
+    hold_is_reposition=True,
     take_off_mode=None,
     take_off_altitude_is_amsl=True,
     heading_needs_follow_up=False,

@@ -48,6 +48,8 @@ class GimbalTolerances:
     """An aim that is not reached is sent again."""
     give_up_after_s: float = 30.0
     """An aim that is not reached by then is reported as failed, once, and still tried."""
+    losses: int = 5
+    """Somebody who takes the gimbal more often during one order is not fought any longer: reported as failed, once."""
     status_settles_s: float = 0.5
     """A manager status this soon after our CONFIGURE may be older than it."""
 
@@ -90,6 +92,7 @@ class Gimbal:
         self._outside_since: float | None = None
         self._give_up_at: float | None = None
         self._refusal = ""
+        self._losses = 0
 
     def link_up(self, now: float) -> None:
         """Look for the gimbal manager; one found before may have been replaced by a restart."""
@@ -103,6 +106,7 @@ class Gimbal:
         self.on_target = False
         self._inside_since = self._outside_since = self._sent = None
         self._refusal = ""
+        self._losses = 0
         self._give_up_at = now + self.tolerances.give_up_after_s
         self._order_heading_deg = heading_deg
         self._next_at = now if self._ticket is None else self._next_at
@@ -273,13 +277,16 @@ class Gimbal:
 
     def _lose_control(self, owner: tuple[int, int]) -> None:
         was_ours, self._ours = self._ours, False
-        if self.aim is not None and was_ours:
-            system, component = owner
-            self._events.append(
-                GimbalControlLost(
-                    system=self._system, order_id=self._order_id, owner_system=system, owner_component=component
-                )
-            )
+        if self.aim is None or not was_ours:
+            return
+        system, component = owner
+        name, order_id = self._system, self._order_id
+        lost = GimbalControlLost(system=name, order_id=order_id, owner_system=system, owner_component=component)
+        self._events.append(lost)
+        self._losses += 1
+        if self._losses == self.tolerances.losses + 1:
+            reason = f"somebody else ({system}/{component}) took the gimbal {self._losses} times"
+            self._events.append(GimbalFailed(system=name, order_id=order_id, reason=reason))
 
     def _check_target(self, now: float) -> None:
         error_deg = self.error_deg

@@ -38,7 +38,8 @@ from hsop_gcs.link.messages import (
     StatusText,
 )
 from hsop_gcs.link.protocol.command import INSISTENT, REPEATABLE, CommandSender, Outcome, Request
-from hsop_gcs.link.protocol.telemetry import Telemetry, VehicleState
+from hsop_gcs.link.protocol.ready import POSITION_AGE_S, position_fresh, why_not_ready
+from hsop_gcs.link.protocol.telemetry import Telemetry
 
 _POSITION_AND_YAW = (
     PositionTargetTypemask.VX_IGNORE
@@ -89,7 +90,6 @@ class HoverLimits:
     fence_text_s: float = 2.0
     mode_change_s: float = 5.0
     follow_up_every_s: float = 2.0
-    position_age_s: float = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,7 +134,7 @@ class Hover:
     def start(self, order: HoverOrder, now: float) -> None:
         """Begin a new order; the one before it, if any, is superseded."""
         self.stop(now)
-        problem = why_not_ready(self._telemetry.state, now, self.limits)
+        problem = why_not_ready(self._telemetry.state, now)
         if problem is not None:
             self._events.append(OrderFailed(system=self._system, order_id=order.order_id, reason=problem))
             return
@@ -316,7 +316,7 @@ class Hover:
 
     def _check_position(self, now: float) -> None:
         state, error, limits = self._telemetry.state, self.error(), self.limits
-        if state.position is None or error is None or self._frame is None or not _fresh(state, now, limits):
+        if state.position is None or error is None or self._frame is None or not position_fresh(state, now):
             self._resting = None
             return
         heading_off = error.heading_deg is not None and abs(error.heading_deg) > limits.heading_deg
@@ -331,7 +331,7 @@ class Hover:
         here = self._frame.to_enu(state.position)
         since, last, anchor = self._resting or (now, now, here)
         moved_m = float(np.linalg.norm(here - anchor))
-        if moved_m > limits.speed_mps * limits.hold_s or now - last > limits.position_age_s:
+        if moved_m > limits.speed_mps * limits.hold_s or now - last > POSITION_AGE_S:
             since, anchor = now, here
         self._resting = (since, now, anchor)
         if now - since >= limits.hold_s and self.order is not None:
@@ -349,29 +349,6 @@ class Hover:
             self.phase = Phase.FLYING
             self._late_at = now + self._time_allowed_s()
             self._events.append(Drifted(system=self._system, order_id=self.order.order_id, problem=_describe(error)))
-
-
-def why_not_ready(state: VehicleState, now: float, limits: HoverLimits) -> str | None:
-    """Return why this vehicle cannot take a hover order now, for a person; None if it can."""
-    if not state.link_up:
-        return "no link to the vehicle"
-    if state.autopilot not in ("px4", "ardupilot"):
-        return f"no orders are given to an autopilot of kind {state.autopilot}"
-    if state.armed is not True:
-        return "the vehicle is not armed"
-    if state.in_air is not True:
-        return "the vehicle is not known to be in the air" if state.in_air is None else "the vehicle is on the ground"
-    if state.position is None or not _fresh(state, now, limits):
-        return "the vehicle's position is not known"
-    if state.heading_deg is None:
-        return "the vehicle's heading is not known"
-    if state.home is None:
-        return "the vehicle's home is not known"
-    return None
-
-
-def _fresh(state: VehicleState, now: float, limits: HoverLimits) -> bool:
-    return state.position_heard_s is not None and now - state.position_heard_s <= limits.position_age_s
 
 
 def _within(error: HoverError, horizontal_m: float, vertical_m: float, heading_deg: float) -> bool:

@@ -17,6 +17,8 @@ from hsop_gcs.link.messages import (
     AutopilotVersion,
     BatteryStatus,
     CommandLong,
+    EkfStatusReport,
+    EstimatorStatus,
     ExtendedSysState,
     GimbalDeviceAttitudeStatus,
     GimbalManagerStatus,
@@ -38,9 +40,11 @@ RATES_HZ: dict[type[Message], float] = {
     SysStatus: 1.0,
     GpsRawInt: 1.0,
     BatteryStatus: 0.5,
+    EkfStatusReport: 1.0,
+    EstimatorStatus: 1.0,
 }
-"""In the order of asking: what gates an order comes first. Attitudes come as often as a camera needs that tells where
-it looked a tenth of a second ago."""
+"""In the order of asking: what gates an order comes first; of the last two each autopilot knows one. Attitudes come as
+often as a camera needs that tells where it looked a tenth of a second ago."""
 
 _ONCE: tuple[type[Message], ...] = (HomePosition, AutopilotVersion)
 _PERIODS_MISSED = 5

@@ -11,12 +11,21 @@ from typing import Any, Literal
 
 from hsop_gcs.geometry.frames import Aim, GeodeticPoint
 from hsop_gcs.link.adapters import Adapter, adapter_for
-from hsop_gcs.link.enums import GimbalFlags, MavComponent, MavLandedState, MavModeFlag, MavSysStatusSensor
+from hsop_gcs.link.enums import (
+    EstimatorFlags,
+    GimbalFlags,
+    MavComponent,
+    MavLandedState,
+    MavModeFlag,
+    MavSysStatusSensor,
+)
 from hsop_gcs.link.events import Event, ModeChanged, StatusTextReceived
 from hsop_gcs.link.messages import (
     Attitude,
     AutopilotVersion,
     BatteryStatus,
+    EkfStatusReport,
+    EstimatorStatus,
     ExtendedSysState,
     GimbalDeviceAttitudeStatus,
     GlobalPositionInt,
@@ -34,6 +43,7 @@ _STATUSTEXT_CHARACTERS = 50
 _JOIN_WITHIN_S = 1.0
 _TEXTS_KEPT = 5
 _UNKNOWN_U16 = 65535
+_POSITION_GOOD = EstimatorFlags.POS_HORIZ_ABS | EstimatorFlags.POS_VERT_ABS
 _CLOCK_SET_S = 5.0
 """No message is this late: the vehicle's clock was set, or it restarted."""
 _CLOCK_WINDOW_S = 2.0
@@ -79,6 +89,8 @@ class VehicleState:
     gps_fix: int | None = None
     """GPS_FIX_TYPE: 3 and above is a position in three dimensions."""
     satellites: int | None = None
+    estimator_healthy: bool | None = None
+    """Whether the autopilot's estimator stands by its absolute position and altitude."""
     ready_to_arm: bool | None = None
     """The autopilot's own pre-arm bit; ArduPilot may set it and still refuse."""
     texts: tuple[StatusLine, ...] = ()
@@ -178,6 +190,10 @@ class Telemetry:
             case GpsRawInt():
                 satellites = None if message.satellites_visible == 255 else message.satellites_visible
                 self.state = self.state.evolve(gps_fix=message.fix_type, satellites=satellites)
+            case EkfStatusReport() | EstimatorStatus():
+                flags = EstimatorFlags(message.flags)
+                healthy = _POSITION_GOOD in flags and EstimatorFlags.CONST_POS_MODE not in flags
+                self.state = self.state.evolve(estimator_healthy=healthy)
             case AutopilotVersion():
                 version = message.flight_sw_version
                 self.state = self.state.evolve(firmware=f"{version >> 24}.{version >> 16 & 255}.{version >> 8 & 255}")

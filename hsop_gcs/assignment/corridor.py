@@ -1,0 +1,61 @@
+"""Whether a straight flight stays inside the fence and out of the keep-out areas, and the corners to fly around."""
+
+import math
+from functools import lru_cache
+from itertools import pairwise
+
+import shapely
+
+from hsop_gcs.placement.airspace import Airspace, KeepOut, PlanePoint, Polygon
+from hsop_gcs.placement.problem import Point
+
+_TOLERANCE_M = 0.1
+"""A hover point on the very edge may be flown to."""
+_BESIDE_M = 4.0
+"""How far from an edge the corners are that flights go around by."""
+
+
+def why_outside(airspace: Airspace, way_m: tuple[Point, ...]) -> str | None:
+    """Return where a way through these points, straight from each to the next, leaves the airspace; None: nowhere."""
+    for a, b in pairwise(way_m):
+        line = shapely.LineString([a[:2], b[:2]]) if a[:2] != b[:2] else shapely.Point(a[:2])
+        if airspace.inside and not shapely.covers(_fence(airspace.inside), line):
+            return "leaves the fence"
+        if any(_enters(line, a, b, area) for area in airspace.keep_outs):
+            return "leads through a keep-out area"
+    return None
+
+
+def corners_beside(airspace: Airspace) -> tuple[PlanePoint, ...]:
+    """Return points just outside the keep-out areas and just inside the fence, at their corners."""
+    areas = [_buffered(area.polygon, _BESIDE_M) for area in airspace.keep_outs]
+    if airspace.inside:
+        areas.append(shapely.buffer(_fence(airspace.inside), -_BESIDE_M, join_style="mitre"))
+    rings = [ring for area in areas for part in shapely.get_parts(area) for ring in (part.exterior, *part.interiors)]
+    return tuple((float(x), float(y)) for ring in rings for x, y in list(ring.coords)[:-1])
+
+
+def _enters(line: shapely.Geometry, a: Point, b: Point, area: KeepOut) -> bool:
+    inner = _buffered(area.polygon, -_TOLERANCE_M)
+    if not shapely.intersects(inner, line):
+        return False
+    length = math.dist(a[:2], b[:2])
+    ups: list[float] = []
+    for x, y in shapely.get_coordinates(shapely.intersection(inner, line)):
+        shares = (0.0, 1.0) if length == 0 else (math.dist(a[:2], (x, y)) / length,)
+        ups += [a[2] + share * (b[2] - a[2]) for share in shares]
+    return max(ups) > area.floor_m + _TOLERANCE_M and min(ups) < area.ceiling_m - _TOLERANCE_M
+
+
+@lru_cache(maxsize=64)
+def _fence(polygons: tuple[Polygon, ...]) -> shapely.Geometry:
+    fence = shapely.union_all([shapely.Polygon(polygon) for polygon in polygons]).buffer(_TOLERANCE_M)
+    shapely.prepare(fence)
+    return fence
+
+
+@lru_cache(maxsize=512)
+def _buffered(polygon: Polygon, by_m: float) -> shapely.Geometry:
+    area = shapely.Polygon(polygon).buffer(by_m, join_style="mitre")
+    shapely.prepare(area)
+    return area

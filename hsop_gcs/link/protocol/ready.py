@@ -1,0 +1,71 @@
+"""Whether a vehicle can take a hover order: small questions to its telemetry, each with an answer for a person."""
+
+from collections.abc import Callable
+
+from hsop_gcs.link.protocol.telemetry import VehicleState
+
+Gate = Callable[[VehicleState, float], str | None]
+"""Given the state and the link's time: why the vehicle cannot be sent, or None."""
+
+POSITION_AGE_S = 2.0
+"""A position older than this is not known any more."""
+
+
+def heard(state: VehicleState, _now: float) -> str | None:
+    return None if state.link_up else "no link to the vehicle"
+
+
+def spoken_to(state: VehicleState, _now: float) -> str | None:
+    if state.autopilot in ("px4", "ardupilot"):
+        return None
+    return f"no orders are given to an autopilot of kind {state.autopilot}"
+
+
+def armed(state: VehicleState, _now: float) -> str | None:
+    return None if state.armed else "the vehicle is not armed"
+
+
+def in_air(state: VehicleState, _now: float) -> str | None:
+    if state.in_air is None:
+        return "the vehicle is not known to be in the air"
+    return None if state.in_air else "the vehicle is on the ground"
+
+
+def position_known(state: VehicleState, now: float) -> str | None:
+    if state.position is None or not position_fresh(state, now):
+        return "the vehicle's position is not known"
+    return "the vehicle's heading is not known" if state.heading_deg is None else None
+
+
+def position_healthy(state: VehicleState, _now: float) -> str | None:
+    if state.gps_fix is not None and state.gps_fix < 3:
+        return f"the vehicle's satellite receiver has no position in three dimensions (fix type {state.gps_fix})"
+    if state.estimator_healthy is False:
+        return "the vehicle's estimator does not trust its position"
+    return None
+
+
+def home_known(state: VehicleState, _now: float) -> str | None:
+    return None if state.home is not None else "the vehicle's home is not known"
+
+
+GATES: dict[str, Gate] = {
+    "link": heard,
+    "autopilot": spoken_to,
+    "armed": armed,
+    "in air": in_air,
+    "position": position_known,
+    "position health": position_healthy,
+    "home": home_known,
+}
+"""In the order in which they are asked; the first that says no is told."""
+
+
+def why_not_ready(state: VehicleState, now: float) -> str | None:
+    """Return why this vehicle cannot take a hover order now, for a person; None if it can."""
+    return next((reason for gate in GATES.values() if (reason := gate(state, now)) is not None), None)
+
+
+def position_fresh(state: VehicleState, now: float) -> bool:
+    """Whether the position is that of a moment ago."""
+    return state.position_heard_s is not None and now - state.position_heard_s <= POSITION_AGE_S

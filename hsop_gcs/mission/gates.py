@@ -1,0 +1,85 @@
+"""Gates: what a host has to pass before it is given an order, and as long as it has one.
+
+The link asks for what no order can do without (``link.protocol.ready``); here come the fleet's own reserves and the
+airspace. Every gate is a small question with an answer for a person; a host that fails one is not available, and the
+mission plans without it.
+"""
+
+from dataclasses import dataclass
+
+from hsop_gcs.fleet import FlightLimits
+from hsop_gcs.link.protocol import ready
+from hsop_gcs.link.protocol.telemetry import VehicleState
+from hsop_gcs.placement.airspace import Airspace
+from hsop_gcs.placement.problem import Point
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Aircraft:
+    """A host as the gates and the traffic rules see it."""
+
+    id: str
+    state: VehicleState
+    now_s: float
+    """The link's time."""
+    position_m: Point | None
+    loss: float | None = None
+    """Share of its frames lost of late."""
+    obeys: bool = True
+    """Whether it is in one of the modes in which we fly it or hold it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Closed:
+    """A gate that a host does not pass, and why, for a person."""
+
+    gate: str
+    reason: str
+
+
+def mode(aircraft: Aircraft, _limits: FlightLimits) -> str | None:
+    return None if aircraft.obeys else f"somebody else flies it (mode {aircraft.state.mode}); hold it to take it over"
+
+
+def battery(aircraft: Aircraft, limits: FlightLimits) -> str | None:
+    left, reserve = aircraft.state.battery_percent, limits.battery_reserve_percent
+    if reserve <= 0:
+        return None
+    if left is None:
+        return "the vehicle's battery is not known"
+    return None if left >= reserve else f"the battery has {left:.0f} % left, less than the reserve of {reserve:g} %"
+
+
+def link_reserve(aircraft: Aircraft, limits: FlightLimits) -> str | None:
+    loss, most = aircraft.loss, limits.link_loss_max
+    if loss is None or loss <= most:
+        return None
+    return f"the link loses {loss:.0%} of the vehicle's messages, more than {most:.0%}"
+
+
+def fence(aircraft: Aircraft, airspace: Airspace) -> str | None:
+    if aircraft.position_m is None or (room_m := airspace.fence_room_m(aircraft.position_m)) >= 0:
+        return None
+    return f"the vehicle is {-room_m:.0f} m outside the fence"
+
+
+def keep_out(aircraft: Aircraft, airspace: Airspace) -> str | None:
+    if aircraft.position_m is None or airspace.keep_out_room_m(aircraft.position_m) >= 0:
+        return None
+    return "the vehicle is inside a keep-out area"
+
+
+def closed(aircraft: Aircraft, limits: FlightLimits, airspace: Airspace) -> Closed | None:
+    """Return the first gate that the host does not pass; None: it can be sent."""
+    for name, gate in ready.GATES.items():
+        reason = gate(aircraft.state, aircraft.now_s)
+        if reason is not None:
+            return Closed(gate=name, reason=reason)
+    own = {
+        "mode": mode(aircraft, limits),
+        "battery": battery(aircraft, limits),
+        "link reserve": link_reserve(aircraft, limits),
+        "fence": fence(aircraft, airspace),
+        "keep-out": keep_out(aircraft, airspace),
+    }
+    return next((Closed(gate=name, reason=reason) for name, reason in own.items() if reason is not None), None)

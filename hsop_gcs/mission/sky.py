@@ -1,0 +1,96 @@
+"""Our aircraft, as their telemetry has them: where they are, which of them can be sent, and why the others cannot."""
+
+from collections import Counter
+from collections.abc import Mapping
+
+from hsop_gcs.assignment import Flight, Mover
+from hsop_gcs.fleet import Fleet, Host
+from hsop_gcs.link.pump import Link
+from hsop_gcs.mission.core import MissionState
+from hsop_gcs.mission.dispatch import mover_of
+from hsop_gcs.mission.gates import Aircraft, Closed, closed
+from hsop_gcs.mission.traffic import Traffic
+from hsop_gcs.placement.problem import Point
+from hsop_gcs.reports import Site
+
+
+class Sky:
+    """Reads the link; holds nothing but counters."""
+
+    def __init__(self, fleet: Fleet, site: Site, link: Link) -> None:
+        self.closings: Counter[str] = Counter()
+        """How often each gate closed for a host, and each rule of traffic stopped one."""
+        self._fleet = fleet
+        self._site = site
+        self._link = link
+        self._before: dict[str, str] = {}
+
+    def aircraft(self) -> dict[str, Aircraft]:
+        """Return every host of the fleet by its id."""
+        return {host.id: self._aircraft(host) for host in self._fleet.hosts}
+
+    def closed(self, mission: MissionState, now_s: float) -> dict[str, Closed]:
+        """Return the gate at which each host that cannot be sent stands, and why."""
+        found = {}
+        for host_id, aircraft in self.aircraft().items():
+            at = closed(aircraft, self._fleet.limits, mission.rules.planning.airspace)
+            aside = mission.why_aside(host_id, now_s)
+            if at is None and aside is not None:
+                at = Closed(gate="set aside", reason=aside)
+            if at is not None:
+                found[host_id] = at
+        return found
+
+    def note(self, found: Mapping[str, Closed]) -> None:
+        """Count the gates that have closed since the last time."""
+        gates = {host_id: at.gate for host_id, at in found.items()}
+        self.closings.update(gate for host_id, gate in gates.items() if self._before.get(host_id) != gate)
+        self._before = gates
+
+    def movers(self, found: Mapping[str, Closed]) -> tuple[Mover, ...]:
+        """Return the hosts that can be sent: those that stand at no gate."""
+        return tuple(
+            mover_of(host, self._link.vehicles[host.system_id].state, self._site.frame, self._fleet.limits)
+            for host in self._fleet.hosts
+            if host.id not in found
+        )
+
+    def standing(self, found: Mapping[str, Closed]) -> tuple[Flight, ...]:
+        """Return the aircraft in the air that cannot be sent, where they were heard last."""
+        return tuple(
+            Flight(host=host_id, points_m=(aircraft.position_m,))
+            for host_id, aircraft in self.aircraft().items()
+            if host_id in found and aircraft.position_m is not None and aircraft.state.in_air
+        )
+
+    def traffic(self, mission: MissionState, now_s: float) -> Traffic:
+        """Return everything the traffic rules look at."""
+        return Traffic(
+            mission=mission,
+            aircraft=self.aircraft(),
+            unavailable={host_id: at.reason for host_id, at in self.closed(mission, now_s).items()},
+            limits=self._fleet.limits,
+            now_s=now_s,
+        )
+
+    def hosts_m(self) -> dict[str, Point]:
+        """Return where our own aircraft are, as far as they are heard."""
+        places = {host_id: aircraft.position_m for host_id, aircraft in self.aircraft().items()}
+        return {host_id: place for host_id, place in places.items() if place is not None}
+
+    def _aircraft(self, host: Host) -> Aircraft:
+        vehicle, now_s = self._link.vehicles[host.system_id], self._link.now()
+        state, adapter = vehicle.state, vehicle.adapter
+        position_m: Point | None = None
+        if state.position is not None:
+            east, north, up = self._site.frame.to_enu(state.position).tolist()
+            position_m = (east, north, up)
+        ours = () if adapter is None else (adapter.hover_mode.custom_mode, adapter.hold_mode.custom_mode)
+        return Aircraft(
+            id=host.id,
+            state=state,
+            now_s=now_s,
+            position_m=position_m,
+            loss=self._link.vehicle_link(host.system_id).loss,
+            obeys=state.custom_mode in ours,
+        )

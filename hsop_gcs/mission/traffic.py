@@ -1,0 +1,153 @@
+"""Traffic: which hosts depart, turn aside, stop or try again now. Looked at a few times a second, whatever is planned.
+
+    waiting ──nothing in its way──► sent ─► accepted ─► arrived ─► on station
+       ▲                              │         │           │           │
+       │    a threat or another host in its way │           │           │
+       ├──────────────────────────────┴─────────┘           │           │
+       │                       its order failed             │           │
+       └── tries left ──────────── failed ◄─────────────────┴───────────┘
+                                     │ none left, or somebody else flies it
+                                     ▼
+                                  given up: the host is set aside, and the mission plans without it
+
+Pure: the mission and its aircraft go in, inputs for the mission come out. The shell journals them, then acts on them.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+from hsop_gcs.assignment import Flight, FlightRules, Mover, in_the_way, safe_route, why_unsafe
+from hsop_gcs.fleet import FlightLimits
+from hsop_gcs.mission.core import HostDeparted, HostRetried, HostSetAside, HostStopped, MissionState, situation
+from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus
+from hsop_gcs.mission.gates import Aircraft
+from hsop_gcs.mission.pipeline import flight_rules
+from hsop_gcs.placement.airspace import Airspace
+from hsop_gcs.placement.problem import Point, Threat
+
+Move = HostDeparted | HostStopped | HostRetried | HostSetAside
+
+_STOP_EARLIER_M = 1.0
+"""How much nearer than planned two hosts come before one of them is stopped."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Traffic:
+    """Where everybody is and flies to."""
+
+    mission: MissionState
+    aircraft: Mapping[str, Aircraft]
+    unavailable: Mapping[str, str]
+    limits: FlightLimits
+    now_s: float
+
+    def moves(self) -> Iterator[Move]:
+        """Yield what is to be done now, hosts that depart first before those that wait for them."""
+        threats = situation(self.mission, (), self.now_s).threats
+        for host, progress in sorted(self.mission.progress.items(), key=lambda item: item[1].rank):
+            if self.aircraft[host].position_m is None:
+                continue
+            if progress.status is OrderStatus.WAITING:
+                if self.why_waiting(host) is None:
+                    route = self._route(host, progress, threats)
+                    if not isinstance(route, str):
+                        yield HostDeparted(time_s=self.now_s, host=host, route_m=route)
+            elif progress.flying:
+                yield from self._watched(host, progress, threats)
+            elif progress.status is OrderStatus.FAILED and self._current(progress):
+                yield self._after_failure(host, progress)
+
+    def why_waiting(self, host: str) -> str | None:
+        """Return why a host whose order waits does not depart, as far as it is not the way's fault."""
+        progress, flying = self.mission.progress[host], self.mission.plans.flying
+        if not self._current(progress) or flying is None:
+            return "its plan does not fly any more"
+        if self.now_s > flying.expires_at_s:
+            return "its order is stale: the plan has run out"
+        return self.unavailable.get(host)
+
+    def why_blocked(self, host: str) -> str | None:
+        """Return what a waiting host waits for, for a person; None if it is about to depart."""
+        waits = self.why_waiting(host)
+        if waits is not None:
+            return waits
+        threats = situation(self.mission, (), self.now_s).threats
+        route = self._route(host, self.mission.progress[host], threats)
+        return route if isinstance(route, str) else None
+
+    def _route(self, host: str, progress: OrderProgress, threats: tuple[Threat, ...]) -> tuple[Point, ...] | str:
+        """The way to fly now: the planned one, or another if it is not safe any more; or what is in the way."""
+        mover, rules = self._mover(host), flight_rules(self.mission.rules.planning)
+        route = progress.ahead_m
+        unsafe = why_unsafe(mover, route, threats, rules)
+        if unsafe is not None:
+            found = safe_route(mover, progress.order.position_m, threats, rules)
+            if found is None:
+                return unsafe
+            route = found.points_m
+        flight = Flight(host=host, points_m=(mover.position_m, *route))
+        other = in_the_way(flight, self._others(host, progress), rules.separation_m)
+        return route if other is None else f"waits for {other} to pass"
+
+    def _watched(self, host: str, progress: OrderProgress, threats: tuple[Threat, ...]) -> Iterator[Move]:
+        """A flying host is turned aside or stopped before it comes too near to a threat or to another host."""
+        planning = self.mission.rules.planning
+        mover, rules = self._mover(host), flight_rules(planning)
+        near = replace(rules, safety_distance_m=planning.safety_distance_m, airspace=Airspace())
+        flight = Flight(host=host, points_m=(mover.position_m, *progress.ahead_m))
+        unsafe = why_unsafe(mover, progress.ahead_m, threats, near)
+        if unsafe is not None:
+            may_turn = self.why_waiting(host) is None
+            other_way = self._way_around(flight, progress, threats, rules) if may_turn else None
+            if other_way is not None:
+                yield HostDeparted(time_s=self.now_s, host=host, route_m=other_way)
+            else:
+                yield HostStopped(time_s=self.now_s, host=host, gate="threat", reason=f"its flight {unsafe}")
+            return
+        other = in_the_way(flight, self._others(host, progress, flying_only=True), near.separation_m - _STOP_EARLIER_M)
+        if other is not None:
+            reason = f"comes too near to {other}"
+            yield HostStopped(time_s=self.now_s, host=host, gate="separation", reason=reason)
+
+    def _way_around(
+        self, flight: Flight, progress: OrderProgress, threats: tuple[Threat, ...], rules: FlightRules
+    ) -> tuple[Point, ...] | None:
+        found = safe_route(self._mover(flight.host), progress.order.position_m, threats, rules)
+        if found is None:
+            return None
+        around = replace(flight, points_m=(flight.points_m[0], *found.points_m))
+        blocked = in_the_way(around, self._others(flight.host, progress), rules.separation_m)
+        return found.points_m if blocked is None else None
+
+    def _after_failure(self, host: str, progress: OrderProgress) -> Move:
+        aircraft, rules = self.aircraft[host], self.mission.rules
+        if not aircraft.obeys:
+            reason = f"somebody else flies it (mode {aircraft.state.mode})"
+            return HostSetAside(time_s=self.now_s, host=host, reason=reason, until_s=None)
+        if progress.attempts < rules.attempts:
+            return HostRetried(time_s=self.now_s, host=host)
+        reason = f"its order failed {progress.attempts} times: {progress.note}"
+        return HostSetAside(time_s=self.now_s, host=host, reason=reason, until_s=self.now_s + rules.set_aside_s)
+
+    def _others(self, host: str, progress: OrderProgress, *, flying_only: bool = False) -> Iterator[Flight]:
+        """Everybody else: those that depart before it with all that is ahead of them, the rest where they are."""
+        for other, aircraft in self.aircraft.items():
+            if other == host or aircraft.position_m is None or aircraft.state.in_air is False:
+                continue
+            theirs = self.mission.progress.get(other)
+            points = [aircraft.position_m]
+            if theirs is not None:
+                first = theirs.rank < progress.rank
+                waits_first = theirs.status is OrderStatus.WAITING and first and self._current(theirs)
+                if (theirs.flying and (first or not flying_only)) or (waits_first and not flying_only):
+                    points += theirs.ahead_m
+            yield Flight(host=other, points_m=tuple(points))
+
+    def _current(self, progress: OrderProgress) -> bool:
+        flying = self.mission.plans.flying
+        return flying is not None and flying.id == progress.plan_id
+
+    def _mover(self, host: str) -> Mover:
+        position_m = self.aircraft[host].position_m
+        assert position_m is not None, "a host without a position does not move"
+        return Mover(id=host, position_m=position_m, speed_mps=self.limits.speed_mps, climb_mps=self.limits.climb_mps)

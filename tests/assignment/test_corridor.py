@@ -1,0 +1,82 @@
+"""Straight flights inside the fence and outside keep-outs, against sampled points; and the ways around."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hsop_gcs.assignment import FlightRules, Mover, safe_route
+from hsop_gcs.assignment.corridor import why_outside
+from hsop_gcs.placement.airspace import Airspace, KeepOut
+from hsop_gcs.placement.problem import Point
+
+DECIMETRE = 0.1
+FENCE = ((-60.0, -60.0), (60.0, -60.0), (60.0, 60.0), (0.0, 60.0), (0.0, 0.0), (-60.0, 0.0))
+"""An L: its corner at the origin points inwards."""
+TOWER = KeepOut(polygon=((20.0, -40.0), (40.0, -40.0), (40.0, -20.0), (20.0, -20.0)), floor_m=0.0, ceiling_m=30.0)
+AIRSPACE = Airspace(inside=(FENCE,), keep_outs=(TOWER,))
+RULES = FlightRules(horizon_s=10.0, safety_distance_m=20.0, separation_m=10.0, airspace=AIRSPACE)
+
+places = st.tuples(st.floats(-70, 70), st.floats(-70, 70), st.floats(5, 60))
+
+
+def along(way: tuple[Point, ...], steps: int = 120) -> list[Point]:
+    share = np.linspace(0, 1, steps)[:, None]
+    legs = [np.array(a) + share * np.subtract(b, a) for a, b in pairwise(way)]
+    return [(float(e), float(n), float(u)) for leg in legs for e, n, u in leg]
+
+
+def room_m(way: tuple[Point, ...]) -> float:
+    return min(min(AIRSPACE.fence_room_m(point), AIRSPACE.keep_out_room_m(point)) for point in along(way))
+
+
+@given(places, places)
+@settings(deadline=None, max_examples=60)
+def test_a_straight_flight_is_judged_like_its_points(start: Point, goal: Point) -> None:
+    room = room_m((start, goal))
+    problem = why_outside(AIRSPACE, (start, goal))
+    if room > 0:
+        assert problem is None
+    elif room < -5 * DECIMETRE:
+        assert problem in ("leaves the fence", "leads through a keep-out area")
+
+
+@pytest.mark.parametrize(
+    ("goal", "problem"),
+    [
+        ((-50.0, -20.0, 20.0), None),
+        ((30.0, 50.0, 20.0), "leads through a keep-out area"),
+        ((30.0, 50.0, 50.0), None),
+        ((30.0, -50.0, 80.0), None),
+        ((70.0, -50.0, 20.0), "leaves the fence"),
+    ],
+)
+def test_a_keep_out_has_a_top_and_a_fence_has_none(goal: Point, problem: str | None) -> None:
+    assert why_outside(AIRSPACE, ((30.0, -50.0, goal[2]), goal)) == problem
+
+
+def test_descending_into_a_keep_out_is_seen_too() -> None:
+    over, inside = (30.0, -30.0, 50.0), (30.0, -30.0, 10.0)
+    assert why_outside(AIRSPACE, (over, inside)) == "leads through a keep-out area"
+    assert why_outside(AIRSPACE, ((30.0, -50.0, 10.0), (30.0, -10.0, 55.0))) == "leads through a keep-out area"
+
+
+@pytest.mark.parametrize(
+    ("start", "goal"),
+    [((-50.0, -20.0, 20.0), (20.0, 50.0, 20.0)), ((30.0, -50.0, 20.0), (30.0, 0.0, 20.0))],
+    ids=["around the corner of the fence", "around the tower"],
+)
+def test_a_route_leads_around(start: Point, goal: Point) -> None:
+    assert why_outside(AIRSPACE, (start, goal)) is not None
+    route = safe_route(Mover(id="h1", position_m=start, speed_mps=8.0), goal, (), RULES)
+    assert route is not None
+    assert room_m((start, *route.points_m)) >= 0
+    assert route.length_m < 1.6 * math.dist(start, goal)
+
+
+def test_there_is_no_route_out_of_the_fence() -> None:
+    start = Mover(id="h1", position_m=(30.0, 30.0, 20.0), speed_mps=8.0)
+    assert safe_route(start, (100.0, 0.0, 20.0), (), RULES) is None

@@ -1,0 +1,230 @@
+"""Traffic: who departs, who waits, who is turned aside or stopped, and what becomes of an order that failed."""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from hsop_gcs.assignment import Departure, HostOrder
+from hsop_gcs.fleet import FlightLimits
+from hsop_gcs.link.events import Arrived, Event, OrderAccepted, OrderFailed, OrderSuperseded
+from hsop_gcs.link.protocol.telemetry import VehicleState
+from hsop_gcs.mission.core import (
+    DecisionMade,
+    HostDeparted,
+    HostRetried,
+    HostSetAside,
+    HostsHeld,
+    HostSpoke,
+    HostsRecalled,
+    HostsReleased,
+    HostStopped,
+    Input,
+    MissionStarted,
+    MissionState,
+    PlanFlew,
+    ReportsArrived,
+    Rules,
+    SolverAsked,
+    ThreatDismissed,
+    apply,
+    situation,
+)
+from hsop_gcs.mission.dispatch import OrderStatus
+from hsop_gcs.mission.gates import Aircraft
+from hsop_gcs.mission.pipeline import Decision
+from hsop_gcs.mission.records import from_record, to_record
+from hsop_gcs.mission.state import Autonomy
+from hsop_gcs.mission.traffic import Traffic
+from hsop_gcs.placement.problem import Formulation, Objective, Point
+from hsop_gcs.placement.solution import Placement, Status
+from hsop_gcs.reports import Report
+
+NOW_S = 1000.0
+PLACES: dict[str, Point] = {"h1": (0.0, 0.0, 40.0), "h2": (60.0, 0.0, 40.0)}
+
+
+def flying(*goals: tuple[str, Point], autonomy: Autonomy = Autonomy.AUTO) -> MissionState:
+    """A mission with one threat far away, and a plan that flies to these goals, in this order."""
+    mission = apply(MissionState(), MissionStarted(time_s=NOW_S, rules=Rules(autonomy=autonomy)))
+    mission = reported(mission, (0.0, 500.0, 40.0), NOW_S, "t1")
+    orders = tuple(HostOrder(host=host, position_m=goal, heading_deg=0, aim=None, views=()) for host, goal in goals)
+    placement = Placement(status=Status.FEASIBLE, formulation=Formulation.OPERATIONAL, objective=Objective.LETTER)
+    asked = situation(mission, (), NOW_S)
+    decision = Decision(placement=placement, threats=asked.threats, window_start_s=NOW_S + 5, orders=orders)
+    departures = tuple(Departure(host=host, route_m=(goal,)) for host, goal in goals)
+    for given in (
+        SolverAsked(time_s=NOW_S, trigger="", situation=asked),
+        DecisionMade(time_s=NOW_S, decision=decision),
+        PlanFlew(time_s=NOW_S, plan_id="P1", departures=departures),
+    ):
+        mission = apply(mission, given)
+    return mission
+
+
+def reported(mission: MissionState, position_m: Point, time_s: float, threat: str = "t2") -> MissionState:
+    report = Report(
+        source="radar", threat_id=threat, time_s=time_s, position_m=position_m, velocity_mps=(0, 0, 0), sigma_m=0.5
+    )
+    return apply(mission, ReportsArrived(time_s=time_s, measurements=(report,), hosts_m={}))
+
+
+def aircraft(host: str, position_m: Point, **changes: Any) -> Aircraft:
+    state = VehicleState(system=1, link_up=True, in_air=True, mode=changes.pop("mode", "Guided"))
+    return Aircraft(id=host, state=replace(state, **changes), now_s=0.0, position_m=position_m)
+
+
+def traffic(mission: MissionState, now_s: float = NOW_S, closed: str = "", **at: Point) -> Traffic:
+    fleet = {host: aircraft(host, place) for host, place in (PLACES | at).items()}
+    unavailable = {closed: "the battery is low"} if closed else {}
+    return Traffic(mission=mission, aircraft=fleet, unavailable=unavailable, limits=FlightLimits(), now_s=now_s)
+
+
+def moved(
+    mission: MissionState, now_s: float = NOW_S, closed: str = "", **at: Point
+) -> tuple[MissionState, list[Input]]:
+    """The mission after what traffic does with it, each input having been through the journal."""
+    moves: list[Input] = list(traffic(mission, now_s, closed, **at).moves())
+    for given in moves:
+        assert from_record(*to_record(given), given.time_s) == given
+        mission = apply(mission, given)
+    return mission, moves
+
+
+def spoke(mission: MissionState, kind: type[Any], host: str = "h1", **details: Any) -> MissionState:
+    event: Event = kind(system=1, order_id=mission.progress[host].leg_id, **details)
+    return apply(mission, HostSpoke(time_s=NOW_S, host=host, event=event))
+
+
+def statuses(mission: MissionState) -> dict[str, str]:
+    return {host: str(progress.status) for host, progress in mission.progress.items()}
+
+
+def test_orders_wait_until_they_are_sent_and_hosts_that_do_not_meet_leave_together() -> None:
+    mission = flying(("h1", (0, 50, 40)), ("h2", (60, 50, 40)))
+    assert statuses(mission) == {"h1": "waiting", "h2": "waiting"}
+    mission, moves = moved(mission)
+    assert [type(move) for move in moves] == [HostDeparted, HostDeparted]
+    assert statuses(mission) == {"h1": "sent", "h2": "sent"}
+    assert moved(mission)[1] == []
+
+
+def test_the_second_waits_until_what_is_left_of_the_first_ones_line_is_clear() -> None:
+    mission = flying(("h1", (100, 0, 40)), ("h2", (60, 50, 40)))
+    waits = (60.0, -50.0, 40.0)
+    mission, moves = moved(mission, h2=waits)
+    assert [move.host for move in moves if isinstance(move, HostDeparted)] == ["h1"]
+    assert traffic(mission, h2=waits).why_blocked("h2") == "waits for h1 to pass"
+    mission, moves = moved(mission, h1=(65.0, 0.0, 40.0), h2=waits)
+    assert moves == []
+    mission, moves = moved(mission, h1=(71.0, 0.0, 40.0), h2=waits)
+    assert [move.host for move in moves if isinstance(move, HostDeparted)] == ["h2"]
+
+
+def test_a_host_behind_a_closed_gate_and_a_stale_order_stay() -> None:
+    mission = flying(("h1", (0, 50, 40)))
+    assert moved(mission, closed="h1")[1] == []
+    assert traffic(mission, closed="h1").why_blocked("h1") == "the battery is low"
+    late_s = NOW_S + 15.1
+    assert moved(mission, late_s)[1] == []
+    assert traffic(mission, late_s).why_blocked("h1") == "its order is stale: the plan has run out"
+
+
+def test_a_threat_that_moves_into_the_way_turns_a_flight_aside() -> None:
+    mission, _ = moved(flying(("h1", (0, 90, 40))))
+    mission = reported(spoke(mission, OrderAccepted), (0.0, 45.0, 40.0), NOW_S + 1)
+    mission, moves = moved(mission, NOW_S + 1, h1=(0.0, 10.0, 40.0))
+    (turned,) = moves
+    assert isinstance(turned, HostDeparted)
+    assert len(turned.route_m) > 1
+    points = ((0.0, 10.0, 40.0), *turned.route_m)
+    for a, b in pairwise(points):
+        for share in (k / 100 for k in range(101)):
+            at = [x + share * (y - x) for x, y in zip(a, b, strict=True)]
+            assert math.dist(at, (0.0, 45.0, 40.0)) >= 20
+    assert mission.progress["h1"].leg_id == "P1/h1/again1/via1"
+
+
+def test_without_a_way_around_the_host_stops_and_goes_on_when_there_is_one() -> None:
+    mission, _ = moved(flying(("h1", (0, 90, 40))))
+    over_goal = reported(mission, (0.0, 95.0, 40.0), NOW_S + 1)
+    stopped, moves = moved(over_goal, NOW_S + 1, h1=(0.0, 40.0, 40.0))
+    (stop,) = moves
+    assert isinstance(stop, HostStopped)
+    assert (stop.gate, stop.reason) == ("threat", "its flight comes to 5 m from threat t2")
+    assert statuses(stopped) == {"h1": "waiting"}
+    old = OrderSuperseded(system=1, order_id="P1/h1")
+    assert statuses(apply(stopped, HostSpoke(time_s=NOW_S, host="h1", event=old))) == {"h1": "waiting"}
+    assert moved(stopped, NOW_S + 1, h1=(0.0, 42.0, 40.0))[1] == []
+    gone = apply(stopped, ThreatDismissed(time_s=NOW_S + 2, threat_id="t2"))
+    _, moves = moved(gone, NOW_S + 2, h1=(0.0, 42.0, 40.0))
+    assert [type(move) for move in moves] == [HostDeparted]
+
+
+def test_a_host_that_somebody_puts_in_the_way_stops_the_one_that_flies() -> None:
+    mission, _ = moved(flying(("h1", (0, 90, 40))))
+    mission, moves = moved(mission, h2=(4.0, 50.0, 40.0))
+    (stop,) = moves
+    assert isinstance(stop, HostStopped)
+    assert (stop.gate, stop.reason) == ("separation", "comes too near to h2")
+    assert traffic(mission, h2=(4.0, 50.0, 40.0)).why_blocked("h1") == "waits for h2 to pass"
+    assert [type(move) for move in moved(mission, h2=(14.0, 50.0, 40.0))[1]] == [HostDeparted]
+
+
+def test_an_order_that_fails_is_tried_again_and_then_the_host_is_planned_without() -> None:
+    mission, _ = moved(flying(("h1", (0, 90, 40))))
+    for again in (1, 2):
+        mission, moves = moved(spoke(mission, OrderFailed, reason="not there"))
+        assert [type(move) for move in moves] == [HostRetried]
+        mission, moves = moved(mission)
+        assert [type(move) for move in moves] == [HostDeparted]
+        assert mission.progress["h1"].leg_id == f"P1/h1/again{again}"
+    mission, moves = moved(spoke(mission, OrderFailed, reason="not there"))
+    assert [type(move) for move in moves] == [HostSetAside]
+    assert mission.why_aside("h1", NOW_S + 59) == "its order failed 3 times: not there"
+    assert mission.why_aside("h1", NOW_S + 60) is None
+    assert moved(mission)[1] == []
+
+
+def test_a_host_that_somebody_else_flies_is_left_to_him_until_it_is_released() -> None:
+    mission, _ = moved(flying(("h1", (0, 90, 40))))
+    mission = spoke(mission, OrderFailed, reason="the vehicle is in mode Loiter")
+    rc = replace(aircraft("h1", PLACES["h1"], mode="Loiter"), obeys=False)
+    sky = traffic(mission)
+    (given,) = replace(sky, aircraft={**sky.aircraft, "h1": rc}).moves()
+    mission = apply(mission, given)
+    assert mission.why_aside("h1", NOW_S + 1e6) == "somebody else flies it (mode Loiter)"
+    released = apply(mission, HostsReleased(time_s=NOW_S, hosts=("h1",), everyone=False))
+    assert released.why_aside("h1", NOW_S) is None
+
+
+@pytest.mark.parametrize("order", [HostsHeld, HostsRecalled])
+def test_after_a_hold_or_recall_nothing_flies_unasked_not_even_after_a_restart(order: type[Any]) -> None:
+    mission, _ = moved(flying(("h1", (0, 90, 40)), ("h2", (60, 90, 40))))
+    assert mission.autonomy is Autonomy.AUTO
+    stopped = apply(mission, order(time_s=NOW_S, hosts=("h1", "h2")))
+    restarted = apply(stopped, MissionStarted(time_s=NOW_S + 1, rules=mission.rules))
+    for each in (stopped, restarted):
+        assert each.autonomy is Autonomy.CONFIRM
+        assert moved(each)[1] == []
+        assert (each.why_aside("h1", NOW_S) is None) is (order is HostsHeld)
+    one = apply(stopped, HostsReleased(time_s=NOW_S, hosts=("h1",), everyone=False))
+    assert (one.autonomy, one.why_aside("h1", NOW_S)) == (Autonomy.CONFIRM, None)
+    everyone = apply(stopped, HostsReleased(time_s=NOW_S, hosts=("h1", "h2"), everyone=True))
+    assert everyone.autonomy is Autonomy.AUTO
+    assert everyone.aside == {}
+
+
+def test_a_new_plan_leaves_hosts_it_does_not_need_only_where_they_have_arrived() -> None:
+    mission, _ = moved(flying(("h1", (0, 50, 40)), ("h2", (60, 50, 40))))
+    mission = spoke(spoke(mission, OrderAccepted), Arrived)
+    assert statuses(mission) == {"h1": "arrived", "h2": "sent"}
+    plan = mission.plans.flying
+    assert plan is not None
+    again = DecisionMade(time_s=NOW_S, decision=plan.decision)
+    asked = SolverAsked(time_s=NOW_S, trigger="", situation=situation(mission, (), NOW_S))
+    for given in (asked, again, PlanFlew(time_s=NOW_S, plan_id="P2", departures=())):
+        mission = apply(mission, given)
+    assert statuses(mission) == {"h1": str(OrderStatus.ARRIVED)}
