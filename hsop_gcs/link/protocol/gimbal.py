@@ -86,6 +86,7 @@ class Gimbal:
         self._configured_at = -math.inf
         self._ticket: int | None = None
         self._next_at = 0.0
+        self._look_again_at = 0.0
         self._sent: tuple[float, float] | None = None
         self._sent_at = -math.inf
         self._inside_since: float | None = None
@@ -136,7 +137,8 @@ class Gimbal:
         """When there is something to send or to give up."""
         if not self._telemetry.state.link_up:
             return None
-        times = [] if self._ticket is not None else [self._next_at] if self._has_work() else []
+        idle = self._ticket is not None or not self._has_work()
+        times = [] if idle else [max(self._next_at, self._look_again_at)]
         if self._give_up_at is not None:
             times.append(self._give_up_at)
         return min(times, default=None)
@@ -245,7 +247,8 @@ class Gimbal:
         wanted = (given.tilt_deg, yaw_deg)
         overdue = not self.on_target and now >= self._sent_at + self.tolerances.again_after_s
         if self._sent is not None and not overdue and _close(wanted, self._sent, self.tolerances.least_change_deg):
-            self._next_at = now + self.tolerances.least_period_s
+            # A newer aim or heading may go out the moment it comes; without one there is no hurry to look again.
+            self._look_again_at = now + self.tolerances.least_period_s
             return
         self._sent, self._sent_at = wanted, now
         parameters = (*wanted, math.nan, math.nan, float(adapter.gimbal_flags), 0.0, float(manager.device_id))

@@ -1,0 +1,26 @@
+"""How evenly a camera is led along with its threat."""
+
+from itertools import pairwise
+
+from hsop_gcs.geometry.frames import Aim
+from hsop_gcs.link.enums import MavCmd
+from hsop_gcs.link.events import OnStation
+from tests.link.test_link_vehicle import BOTH, Stack, TwoEnds
+
+TICK_S = 0.205
+"""Of the mission: a fifth of a second, and what its work takes."""
+TICKS = 30
+
+
+@BOTH
+def test_an_aim_that_moves_at_every_tick_is_sent_at_every_tick(stack: Stack) -> None:
+    ends = TwoEnds(stack).ready()
+    ends.order(aim=Aim(pan_deg=10.0, tilt_deg=-5.0))
+    ends.until(lambda: ends.saw(OnStation))
+    started = ends.now
+    for tick in range(TICKS):
+        ends.vehicle.follow(Aim(pan_deg=10.0 + 2.0 * tick, tilt_deg=-5.0), ends.now)
+        ends.run(TICK_S)
+    times = [at for at, _ in ends.sent(MavCmd.DO_GIMBAL_MANAGER_PITCHYAW) if at > started]
+    assert len(times) >= TICKS - 2
+    assert all(0.15 < later - earlier < 0.3 for earlier, later in pairwise(times))
