@@ -49,6 +49,11 @@ class PinholeCamera:
     def half_fov_rad(self) -> float:
         return math.radians(self.fov_deg) / 2
 
+    @property
+    def half_height_rad(self) -> float:
+        """From the axis to the upper and lower edge of the image, where the field of view reaches that far."""
+        return min(self.half_fov_rad, math.atan(0.5 * self.height_px / self.focal_length_px))
+
     def pixel_width(self, size_m: npt.ArrayLike, distance_m: npt.ArrayLike) -> npt.NDArray[np.float64]:
         """Return the width of an object in the image, pixels, anywhere in the field of view (Eq. 4)."""
         return np.asarray(self.focal_length_px * np.asarray(size_m, dtype=np.float64) / np.asarray(distance_m))

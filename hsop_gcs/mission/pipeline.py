@@ -194,7 +194,8 @@ def _problem(situation: Situation, rules: PlanningRules, lead_s: float) -> Probl
 def _airspace(situation: Situation, rules: PlanningRules, lead_s: float) -> Airspace:
     """Within the flight limits hosts keep to the altitudes of the threats.
 
-    Looked at from level with it, a coarse track's error in altitude hardly moves a threat out of the field of view.
+    A coarse track's altitude is what is known least, and an image is less high than wide: a threat that is not where
+    its track says leaves the picture soonest upwards or downwards, most easily when it is looked at steeply.
     """
     floor_m, ceiling_m = rules.limits.floor_m, rules.limits.ceiling_m
     ups_m = [t.predicted_m(after_s)[2] for t in situation.threats for after_s in (lead_s, lead_s + rules.horizon_s)]

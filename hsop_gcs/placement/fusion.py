@@ -7,10 +7,10 @@ from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.placement.objective import (
     Eye,
     FloatArray,
-    angle_from_central_axis,
     expected_error_m,
     noise_rad,
     pixel_width,
+    room_in_image_deg,
     threat_points_m,
     weight,
 )
@@ -89,6 +89,5 @@ def _sees(eye: Eye, size_m: float, point_m: FloatArray) -> bool:
     """Return whether a camera as it is aimed detects an object at a point."""
     if pixel_width(eye, size_m, point_m) < eye.min_pixels:
         return False
-    # The central camera's angle is not a number while it is not in use.
-    peripheral = eye.camera is CameraKind.PERIPHERAL
-    return peripheral or angle_from_central_axis(eye.pose, point_m) <= eye.rig.central.half_fov_rad
+    # The central camera's room is not a number while it is not in use.
+    return eye.camera is CameraKind.PERIPHERAL or room_in_image_deg(eye, point_m) >= 0

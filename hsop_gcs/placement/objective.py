@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from hsop_gcs.cameras.rig import PIXEL_NOISE_PX, CameraKind, CameraRig
 from hsop_gcs.geometry.frames import Aim
+from hsop_gcs.geometry.rays import camera_axes
 from hsop_gcs.placement.problem import Formulation, Problem, Threat
 from hsop_gcs.placement.solution import HoverPose, View
 
@@ -165,6 +166,16 @@ def angle_from_central_axis(pose: HoverPose, point_m: npt.ArrayLike) -> float:
     return angle_between(axis, ray(pose, point_m))
 
 
+def room_in_image_deg(eye: Eye, point_m: npt.ArrayLike) -> float:
+    """Return how far inside the central camera's field and image a point lies, degrees; not a number while it rests."""
+    lens, sight = eye.rig.central, ray(eye.pose, point_m)
+    off_rad = angle_from_central_axis(eye.pose, point_m)
+    if math.isnan(off_rad):
+        return math.nan
+    _, down, ahead = camera_axes(math.radians(eye.pose.pan_deg or 0.0), math.radians(eye.pose.tilt_deg)) @ sight
+    return math.degrees(min(lens.half_fov_rad - off_rad, lens.half_height_rad - abs(math.atan2(down, ahead))))
+
+
 def pixel_width(eye: Eye, size_m: float, point_m: npt.ArrayLike) -> float:
     """Return the width of an object at a point in the image of one of a host's cameras, pixels (Eqs. 3 and 4)."""
     distance = float(np.linalg.norm(ray(eye.pose, point_m)))
@@ -263,7 +274,7 @@ def margins(problem: Problem, hosts: Sequence[HoverPose], views: Views) -> Margi
                 pixels.append(pixel_width(eye, threat.size_m, point) - eye.min_pixels)
                 distance_m.append(math.dist(pose.position_m, point) - problem.safety_distance_m)
                 if view.camera is CameraKind.CENTRAL:
-                    fov_deg.append(eye.rig.central.fov_deg / 2 - math.degrees(angle_from_central_axis(pose, point)))
+                    fov_deg.append(room_in_image_deg(eye, point))
     slack = Margins(
         pixels=min(pixels),
         fov_deg=min(fov_deg),

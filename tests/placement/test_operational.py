@@ -104,6 +104,13 @@ def assert_flyable(problem: Problem, placement: Placement) -> None:
                 assert pose.pan_deg is not None
                 off = off_axis_rad(axis_of(pose.pan_deg, pose.tilt_deg), pose, point)
                 assert off <= math.radians(rig.central.fov_deg) / 2 + MICRORADIAN
+                aside = math.radians(pose.pan_deg) - math.atan2(
+                    point[0] - pose.position_m[0], point[1] - pose.position_m[1]
+                )
+                raised, tilt = math.asin((point[2] - pose.position_m[2]) / distance), math.radians(pose.tilt_deg)
+                ahead = math.cos(tilt) * math.cos(raised) * math.cos(aside) + math.sin(tilt) * math.sin(raised)
+                up = math.cos(tilt) * math.sin(raised) - math.sin(tilt) * math.cos(raised) * math.cos(aside)
+                assert abs(up) <= ahead * 0.5 * rig.central.height_px / rig.central.focal_length_px + MICRORADIAN
                 assert rig.central.focal_length_px * threat.size_m / distance >= rig.central.min_pixels
             else:
                 off = min(off_axis_rad(axis_of(pose.heading_deg + turn), pose, point) for turn in (0.0, 180.0))

@@ -43,6 +43,8 @@ class Question(NamedTuple):
     fov_rad: Floats
     """(rigs,)"""
     fov_cosine: Floats
+    height_rad: Floats
+    """(rigs,): the angle between the upper and the lower edge of the central camera's image."""
     gimbal_rad: Floats
     """(rigs, 4): least and largest tilt, least and largest pan from the host's heading."""
     limited: bool
@@ -286,7 +288,10 @@ def nearest_aim(
 def central_aim(
     q: Question, positions: Floats, axes: Floats, rigs: Ints, host: int, incident: Ints, degree: int, cameras: Ints
 ) -> tuple[float, float, float, float]:
-    """Return where a host's central camera looks, and the field of view that all it is to see needs; 0 for nothing."""
+    """Return where a host's central camera looks, and the field of view that all it is to see needs; 0 for nothing.
+
+    The image is wider than high: up and down count by as much more.
+    """
     x, y, z, angle = central_cone(q, positions, host, incident, degree, cameras)
     if q.limited:
         turned = False
@@ -296,6 +301,16 @@ def central_aim(
         x, y, z = nearest_aim(q, rigs[host], heading, turned, x, y, z)
         least, _, _, _ = farthest_off(q, positions, host, incident, degree, cameras, x, y, z)
         angle = 2 * math.acos(max(-1.0, min(1.0, least)))
+    level = math.sqrt(x * x + y * y)
+    if level > 1e-9:
+        ux, uy, uz = -z * x / level, -z * y / level, level
+        for n in range(degree):
+            view = incident[n]
+            if cameras[view // 2, view % 2] == CENTRAL:
+                for k in range(2):
+                    dx, dy, dz = direction(q, positions, host, view // 2, k)
+                    up = abs(math.atan2(ux * dx + uy * dy + uz * dz, x * dx + y * dy + z * dz))
+                    angle = max(angle, 2 * up * q.fov_rad[rigs[host]] / q.height_rad[rigs[host]])
     return x, y, z, angle
 
 

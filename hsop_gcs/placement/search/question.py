@@ -57,6 +57,7 @@ def question_of(problem: Problem, frame: Frame) -> Question:
         distortion=np.array([rig.peripheral.distortion for rig in rigs], dtype=np.float64),
         fov_rad=fov_rad,
         fov_cosine=np.cos(fov_rad),
+        height_rad=np.array([2 * rig.central.half_height_rad - STRICTER for rig in rigs]),
         gimbal_rad=gimbal_rad,
         limited=limited,
         hosts_of_rig=np.array([carried.count(rig) for rig in rigs], dtype=np.int64),
