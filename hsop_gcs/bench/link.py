@@ -14,11 +14,12 @@ import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from itertools import pairwise
 from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
@@ -301,12 +302,15 @@ class _Console:
 class _Heard:
     """What the fleet's process tells, in order."""
 
-    def __init__(self, pipe: Connection) -> None:
+    def __init__(self, pipe: Connection, fleet: BaseProcess) -> None:
         self._pipe = pipe
+        self._fleet = fleet
         self.all: list[Heard] = []
 
     def poll(self, wait_s: float) -> None:
-        """Take in what was told, after waiting so long for something."""
+        """Take in what was told, after waiting so long for something. Raises Unavailable if the fleet is gone."""
+        if not self._fleet.is_alive():
+            raise Unavailable("the fleet's process has ended")
         while self._pipe.poll(wait_s):
             self.all += self._pipe.recv()
             wait_s = 0.0
@@ -341,7 +345,7 @@ def _setup(vehicles: int, autonomy: str, step: Step) -> Iterator[tuple[Service, 
             httpx2.Client(base_url=service.address, timeout=10.0) as client,
         ):
             step("waiting for the fleet and the planner")
-            _wait_until_ready(client, vehicles)
+            _wait_until_ready(client, vehicles, heard)
             yield service, client, heard
 
 
@@ -358,21 +362,23 @@ def _fleet(ports: Sequence[int]) -> Iterator[_Heard]:
     process = context.Process(target=run, args=(homes, HEIGHT_M, peers, theirs), daemon=True)
     process.start()
     try:
-        yield _Heard(ours)
+        yield _Heard(ours, process)
     finally:
-        ours.send("end")
+        with suppress(BrokenPipeError):
+            ours.send("end")
         process.join(timeout=5)
         if process.is_alive():
             process.terminate()
             process.join()
 
 
-def _wait_until_ready(client: httpx2.Client, vehicles: int) -> None:
+def _wait_until_ready(client: httpx2.Client, vehicles: int, heard: _Heard) -> None:
     give_up_at = time.monotonic() + _READY_S
     while time.monotonic() < give_up_at:
         health = client.get("/api/v1/health").raise_for_status().json()
         if health["planning"]["ready"] and health["hosts_available"] == vehicles:
             return
+        heard.take()
         time.sleep(0.5)
     raise Unavailable(f"after {_READY_S:g} s {health['hosts_available']} of {vehicles} hosts could be sent")
 

@@ -32,6 +32,8 @@ from hsop_gcs.link.messages import (
     CommandAck,
     CommandInt,
     CommandLong,
+    EkfStatusReport,
+    EstimatorStatus,
     ExtendedSysState,
     GimbalDeviceAttitudeStatus,
     GimbalManagerInformation,
@@ -46,8 +48,10 @@ from hsop_gcs.link.messages import (
 )
 from hsop_gcs.link.protocol.subscriptions import RATES_HZ
 
-RATE_HZ = 1.0 + sum(RATES_HZ.values())
-"""Messages a second of one vehicle: a heartbeat and all that the service asks for."""
+RATES: dict[type[Message], float] = {Heartbeat: 1.0, **RATES_HZ}
+del RATES[EkfStatusReport]  # ArduPilot's
+RATE_HZ = sum(RATES.values())
+"""Messages a second of one vehicle: a heartbeat and all that the service asks a PX4 for."""
 _HOLD = 0x0304_0000
 _LEVEL = GimbalFlags.ROLL_LOCK | GimbalFlags.PITCH_LOCK
 _TELL_EVERY_S = 0.05
@@ -100,6 +104,7 @@ class Vehicle:
             ),
             GpsRawInt: GpsRawInt(fix_type=3, lat=lat, lon=lon, alt=self._home_mm, satellites_visible=12),
             BatteryStatus: BatteryStatus(battery_remaining=90, charge_state=1),
+            EstimatorStatus: EstimatorStatus(flags=895, pos_horiz_accuracy=0.3, pos_vert_accuracy=0.3),
             AutopilotVersion: AutopilotVersion(flight_sw_version=0x0110_00FF),
             GimbalManagerInformation: GimbalManagerInformation(
                 gimbal_device_id=1, pitch_min=-90.0, pitch_max=90.0, yaw_min=-360.0, yaw_max=360.0
@@ -165,10 +170,9 @@ def run(homes: Sequence[GeodeticPoint], height_m: float, peers: Sequence[Address
         by_address = dict(zip(peers, vehicles, strict=True))
         started = time.monotonic()
         due: list[tuple[float, int, int, float, type[Message]]] = []
-        rates: dict[type[Message], float] = {Heartbeat: 1.0, **RATES_HZ}
         for index in range(len(vehicles)):
-            for number, (kind, rate_hz) in enumerate(rates.items()):
-                phase = (index / len(vehicles) + number / len(rates)) % 1.0
+            for number, (kind, rate_hz) in enumerate(RATES.items()):
+                phase = (index / len(vehicles) + number / len(RATES)) % 1.0
                 heapq.heappush(due, (phase / rate_hz, index, number, 1.0 / rate_hz, kind))
         heard: list[Heard] = []
         tell_at = 0.0
