@@ -71,16 +71,17 @@ def _print(report: "Report", console: object) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from hsop_gcs.bench.measure import rows
+    from hsop_gcs.bench.measure import best_of, rows
 
     assert isinstance(console, Console)
     names = [run.contender for run in report.comparisons[0].runs]
     table = Table(title=f"Cost over the least found, {report.effort.time_limit_s:g} s each")
-    for heading in ("case", "hosts", *names, "letter's cost after s"):
+    for heading in ("case", "hosts", *names, "letter uncut", "in s", "letter's cost after s"):
         table.add_column(heading, justify="left" if heading == "case" else "right", overflow="fold")
     for comparison, ratios in rows(report):
         shown = [f"{ratios[name]:.3f}" if ratios[name] < float("inf") else "-" for name in names]
-        seconds = comparison.seconds_to_letters_cost
+        seconds, uncut = comparison.seconds_to_letters_cost, comparison.uncut
+        shown += ["", ""] if uncut is None else [f"{uncut.cost / best_of(comparison):.3f}", f"{uncut.seconds:.1f}"]
         table.add_row(comparison.case, str(comparison.n_hosts), *shown, "-" if seconds is None else f"{seconds:.2f}")
     console.print(table)
     growth = Table(title=f"Time to within 5 % of {report.effort.reference_s:g} s of search")
