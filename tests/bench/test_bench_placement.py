@@ -8,7 +8,7 @@ import math
 import pytest
 
 from hsop_gcs.bench.contenders import CONTENDERS, by_search
-from hsop_gcs.bench.measure import Growth, compare, exponent_of, seconds_to
+from hsop_gcs.bench.measure import Growth, best_of, compare, exponent_of, seconds_to
 from hsop_gcs.bench.scenarios import Case, random_case, shipped
 
 CASES = [*shipped(quick=True), *(random_case(threats, 0) for threats in (2, 3, 5, 10, 20))]
@@ -27,6 +27,15 @@ def test_the_cost_of_the_search_is_reached_again_by_counting_rounds() -> None:
     case = random_case(2, 0)
     assert seconds_to(case, 1.05 * by_search(case, 0.3)) is not None
     assert seconds_to(Case(name="none", problem=case.problem, n_hosts=3), 0.0) is None
+
+
+def test_the_uncut_letters_method_is_a_run_of_its_own() -> None:
+    case = random_case(2, 0)
+    contenders = {"letter": lambda _case, seconds: 3.0 if seconds < 5 else 2.0}
+    found = compare(case, contenders, 1.0, uncut_s=9.0)
+    assert [run.cost for run in found.runs] == [3.0]
+    assert found.uncut is not None
+    assert found.uncut.cost == best_of(found) == 2.0
 
 
 def test_the_exponent_is_the_slope_of_the_logarithms() -> None:

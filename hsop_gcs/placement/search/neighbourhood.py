@@ -25,7 +25,7 @@ TRANSFERS = 0.6
 """Share of the trials that begin by giving a host to another threat."""
 COOLEST, HOTTEST = -1.5, 0.0
 """First temperatures, as powers of ten."""
-PROMISING = 0.05
+PROMISING = 0.02
 """What is annealed to within this share of its former cost is polished."""
 SAME_PLACE_M = 0.7
 
