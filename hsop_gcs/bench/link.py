@@ -16,32 +16,25 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
 from itertools import pairwise
-from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
 import httpx2
 import numpy as np
 
+from hsop_gcs.bench.console import HEIGHT_M, ORIGIN, Console, Listener, post, random_threat
 from hsop_gcs.bench.process import Service, running
 from hsop_gcs.bench.traffic import Heard, run
 from hsop_gcs.errors import Unavailable
-from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
+from hsop_gcs.geometry.frames import LocalFrame
 from hsop_gcs.link.enums import MavCmd
 from hsop_gcs.link.protocol.gimbal import GimbalTolerances
 from hsop_gcs.link.protocol.heartbeat import HEARTBEAT_PERIOD_S
 
-ORIGIN = GeodeticPoint(lat_deg=47.397742, lon_deg=8.545594, altitude_amsl_m=488.0)
-HEIGHT_M = 40.0
 SPACING_M = 15.0
 PLANNED = 4
 """Hosts that plans may use; the others are there to be heard and held."""
-HELD_AT_ONCE = 10
-HOLD_EVERY_S = 1.0
-REPORT_EVERY_S = 0.5
 _READY_S = 180.0
 _LONGEST_WAIT_S = 10.0
 
@@ -120,7 +113,7 @@ def off_the_grid(times_s: Sequence[float], period_s: float) -> list[float]:
 def _load(vehicles: int, duration_s: float, seed: int, step: Step) -> Load:
     rng = np.random.default_rng(seed)
     with _setup(vehicles, "confirm", step) as (service, client, heard):
-        console = _Console(client, rng, [f"h{number}" for number in range(PLANNED + 1, vehicles + 1)])
+        console = Console(client, rng, [f"h{number}" for number in range(PLANNED + 1, vehicles + 1)])
         step("warming up")
         console.work(min(10.0, duration_s / 4), heard)
         console.latencies_s.clear()
@@ -173,10 +166,10 @@ def _report_to_waypoint(reports: int, seed: int, step: Step) -> tuple[Spread, in
         for number in range(reports):
             step(f"report {number + 1} of {reports}")
             names = [f"r{number}-{threat}" for threat in (1, 2)]
-            wishes = [_threat(name, rng) for name in names]
+            wishes = [random_threat(name, rng) for name in names]
             heard.take()
             asked_at_s = time.time()
-            _post(client, "/api/v1/reports", [wish.report(asked_at_s, asked_at_s) for wish in wishes])
+            post(client, "/api/v1/reports", [wish.report(asked_at_s, asked_at_s) for wish in wishes])
             came_at_s = heard.first(MavCmd.DO_REPOSITION, within_s=_LONGEST_WAIT_S)
             if came_at_s is None:
                 missed += 1
@@ -200,139 +193,8 @@ def _clear(client: httpx2.Client, rng: np.random.Generator) -> None:
         made = health["planning"]["plans_made"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Threat:
-    """On a straight way from a time on; ENU metres."""
-
-    name: str
-    position_m: tuple[float, float]
-    velocity_mps: tuple[float, float]
-
-    def report(self, since_s: float, now_s: float) -> dict[str, Any]:
-        after_s = now_s - since_s
-        enu = [p + v * after_s for p, v in zip(self.position_m, self.velocity_mps, strict=True)]
-        place = LocalFrame(ORIGIN).to_geodetic(np.array([*enu, HEIGHT_M]))
-        return {
-            "source": "bench",
-            "threat_id": self.name,
-            "time": datetime.fromtimestamp(now_s, UTC).isoformat(),
-            "position": {
-                "lat_deg": place.lat_deg,
-                "lon_deg": place.lon_deg,
-                "altitude_m": place.altitude_amsl_m,
-                "altitude_datum": "amsl",
-            },
-            "velocity": {"east_mps": self.velocity_mps[0], "north_mps": self.velocity_mps[1], "up_mps": 0.0},
-            "sigma_m": 1.0,
-        }
-
-
-def _threat(name: str, rng: np.random.Generator) -> _Threat:
-    """Somewhere 80 to 160 m north of the fleet, at up to 5 m/s."""
-    course, speed_mps = rng.uniform(0, 2 * math.pi), rng.uniform(1, 5)
-    return _Threat(
-        name=name,
-        position_m=(float(rng.uniform(-60, 60)), float(rng.uniform(80, 160))),
-        velocity_mps=(float(speed_mps * math.sin(course)), float(speed_mps * math.cos(course))),
-    )
-
-
-class _Console:
-    """An operator's console, played by a program: reports two threats, approves plans, holds idle hosts."""
-
-    def __init__(self, client: httpx2.Client, rng: np.random.Generator, idle: Sequence[str]) -> None:
-        self._client = client
-        self._rng = rng
-        self._idle = list(idle)
-        self._since_s = time.time()
-        self._threats = [
-            _Threat(name="t1", position_m=(-80.0, 70.0), velocity_mps=(4.0, 0.5)),
-            _Threat(name="t2", position_m=(60.0, 120.0), velocity_mps=(-4.0, -0.5)),
-        ]
-        self._held: dict[str, float] = {}
-        self._newest = 0
-        self.latencies_s: list[float] = []
-
-    def work(self, for_s: float, heard: "_Heard") -> None:
-        """Be busy for so long."""
-        until_s, report_at_s, hold_at_s = time.monotonic() + for_s, 0.0, 0.0
-        while (now := time.monotonic()) < until_s:
-            if now >= report_at_s:
-                report_at_s = now + REPORT_EVERY_S
-                wall_s = time.time()
-                _post(self._client, "/api/v1/reports", [each.report(self._since_s, wall_s) for each in self._threats])
-                self._approve()
-            if now >= hold_at_s and self._idle:
-                hold_at_s = now + HOLD_EVERY_S
-                self._hold()
-            self._listen()
-            heard.poll(0.1)
-
-    def frames(self) -> int:
-        return int(self._link()["received"])
-
-    def dropped(self) -> int:
-        return int(self._link()["dropped_datagrams"])
-
-    def _link(self) -> dict[str, Any]:
-        health: dict[str, Any] = self._client.get("/api/v1/health").raise_for_status().json()
-        link: dict[str, Any] = health["link"]
-        return link
-
-    def _approve(self) -> None:
-        proposed = self._client.get("/api/v1/plan").raise_for_status().json()["proposed"]
-        if proposed is not None:
-            # Refused if it is not safe any more; then the next one is proposed.
-            self._client.post("/api/v1/plan/approve", json={"plan_id": proposed["id"]})
-
-    def _hold(self) -> None:
-        hosts = [str(host) for host in self._rng.choice(self._idle, min(HELD_AT_ONCE, len(self._idle)), replace=False)]
-        hosts = [host for host in hosts if host not in self._held]
-        self._held |= dict.fromkeys(hosts, time.time())
-        _post(self._client, "/api/v1/hosts/hold", {"hosts": hosts})
-
-    def _listen(self) -> None:
-        for event in self._client.get("/api/v1/events", params={"after": self._newest}).raise_for_status().json():
-            self._newest = event["number"]
-            if event["kind"] == "CommandFinished" and event["host"] in self._held:
-                at_s = datetime.fromisoformat(event["time"]).timestamp()
-                self.latencies_s.append(at_s - self._held.pop(event["host"]))
-
-
-class _Heard:
-    """What the fleet's process tells, in order."""
-
-    def __init__(self, pipe: Connection, fleet: BaseProcess) -> None:
-        self._pipe = pipe
-        self._fleet = fleet
-        self.all: list[Heard] = []
-
-    def poll(self, wait_s: float) -> None:
-        """Take in what was told, after waiting so long for something. Raises Unavailable if the fleet is gone."""
-        if not self._fleet.is_alive():
-            raise Unavailable("the fleet's process has ended")
-        while self._pipe.poll(wait_s):
-            self.all += self._pipe.recv()
-            wait_s = 0.0
-
-    def take(self) -> None:
-        """Forget what was heard up to now."""
-        self.poll(0.1)
-        self.all.clear()
-
-    def first(self, command: int, *, within_s: float) -> float | None:
-        """Return when a command is heard for the first time; None if it is not within so long."""
-        give_up_at = time.monotonic() + within_s
-        while time.monotonic() < give_up_at:
-            self.poll(0.1)
-            for each in self.all:
-                if each.command == command:
-                    return each.time_s
-        return None
-
-
 @contextmanager
-def _setup(vehicles: int, autonomy: str, step: Step) -> Iterator[tuple[Service, httpx2.Client, _Heard]]:
+def _setup(vehicles: int, autonomy: str, step: Step) -> Iterator[tuple[Service, httpx2.Client, Listener]]:
     """Run the service and the fleet, and wait until every vehicle can be sent and the planner is ready."""
     ports = _free_udp_ports(vehicles)
     step("starting the service")
@@ -350,7 +212,7 @@ def _setup(vehicles: int, autonomy: str, step: Step) -> Iterator[tuple[Service, 
 
 
 @contextmanager
-def _fleet(ports: Sequence[int]) -> Iterator[_Heard]:
+def _fleet(ports: Sequence[int]) -> Iterator[Listener]:
     columns = math.ceil(math.sqrt(len(ports)))
     frame = LocalFrame(ORIGIN)
     corners = [(index % columns, -(index // columns), 0.0) for index in range(len(ports))]
@@ -362,7 +224,7 @@ def _fleet(ports: Sequence[int]) -> Iterator[_Heard]:
     process = context.Process(target=run, args=(homes, HEIGHT_M, peers, theirs), daemon=True)
     process.start()
     try:
-        yield _Heard(ours, process)
+        yield Listener(ours, process)
     finally:
         with suppress(BrokenPipeError):
             ours.send("end")
@@ -372,7 +234,7 @@ def _fleet(ports: Sequence[int]) -> Iterator[_Heard]:
             process.join()
 
 
-def _wait_until_ready(client: httpx2.Client, vehicles: int, heard: _Heard) -> None:
+def _wait_until_ready(client: httpx2.Client, vehicles: int, heard: Listener) -> None:
     give_up_at = time.monotonic() + _READY_S
     while time.monotonic() < give_up_at:
         health = client.get("/api/v1/health").raise_for_status().json()
@@ -405,9 +267,3 @@ def _free_udp_ports(count: int) -> list[int]:
     finally:
         for probe in probes:
             probe.close()
-
-
-def _post(client: httpx2.Client, path: str, body: Any) -> None:
-    answer = client.post(path, json=body)
-    if answer.is_error:
-        raise Unavailable(f"{path}: {answer.text[:300]}")
