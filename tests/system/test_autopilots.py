@@ -3,6 +3,7 @@
 Skipped unless HSOP_ARDUCOPTER_BIN or HSOP_PX4_BIN names a SITL binary; see docs/autopilots.md.
 """
 
+import math
 import signal
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import threading
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +33,8 @@ pytestmark = [
 Json = dict[str, Any]
 HOVER_M, HEADING_DEG, GIMBAL_DEG = 0.5, 2.0, 1.0
 SETTLED_FOR_S = 5.0
+LEAST_SEPARATION_M = 8.0
+"""Of two hosts in the air: the plan's 10 m, less what each may be off its way."""
 READY_S, FLIGHT_S = 180.0, 180.0
 TAKE_OFF_M = 20.0
 
@@ -102,6 +106,30 @@ class Radar(threading.Thread):
             "altitude_datum": "amsl",
         }
         return report(name, position=position, velocity={"east_mps": 0.0, "north_mps": 0.0, "up_mps": 0.0})
+
+
+class Separation(threading.Thread):
+    """Watches how near any two hosts in the air come to each other."""
+
+    def __init__(self, client: httpx2.Client) -> None:
+        super().__init__(daemon=True)
+        self.least_m = math.inf
+        self.between: tuple[str, str] | None = None
+        self._url = f"{client.base_url}/api/v1/hosts"
+        self._ended = threading.Event()
+
+    def run(self) -> None:
+        with httpx2.Client(timeout=20) as client:
+            while not self._ended.wait(0.5):
+                aloft = [host for host in client.get(self._url).json() if host["in_air"] and host["link_up"]]
+                for one, other in combinations(aloft, 2):
+                    apart_m = math.dist(one["position_enu_m"], other["position_enu_m"])
+                    if apart_m < self.least_m:
+                        self.least_m, self.between = apart_m, (one["id"], other["id"])
+
+    def stop(self) -> None:
+        self._ended.set()
+        self.join()
 
 
 def hosts_of(client: httpx2.Client) -> dict[str, Json]:
@@ -201,8 +229,9 @@ def test_real_autopilots_take_off_hover_where_planned_are_replanned_and_lose_one
         wait_until(up, limit_s=READY_S)
         wait_until(lambda: client.get("/api/v1/health").json()["hosts_available"] == len(vehicles))
 
-        radar = Radar(client)
+        radar, separation = Radar(client), Separation(client)
         radar.start()
+        separation.start()
         try:
             radar.threats_m |= {"t1": (20.0, 90.0, 45.0), "t2": (-70.0, 20.0, 50.0)}
             next_plan(client, None)
@@ -230,6 +259,10 @@ def test_real_autopilots_take_off_hover_where_planned_are_replanned_and_lose_one
             assert not hosts_of(client)[lost.id]["available"]
         finally:
             radar.stop()
+            separation.stop()
+
+        print(f"\nnever nearer to each other than {separation.least_m:.1f} m, {separation.between}")  # noqa: T201
+        assert separation.least_m >= LEAST_SEPARATION_M
 
         client.post("/api/v1/hosts/hold", json={}).raise_for_status()
         left = everybody - {lost.id}
