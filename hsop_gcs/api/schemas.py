@@ -212,6 +212,8 @@ class PlanOut(BaseModel):
     expires_at: datetime
     trigger: str
     reason: str
+    left_out: dict[str, str]
+    """Threats that no host can see, and why; the plan is for the others."""
     orders: list[HoverOut]
     placement: dict[str, Any]
     """The plan file format."""

@@ -141,6 +141,8 @@ def health_out(mission: Mission, started_at_s: float) -> HealthOut:
     if mission.state.plans.failed is not None:
         problems.append(f"no plan: {mission.state.plans.failed.decision.reason}")
     newest = mission.state.plans.newest
+    if newest is not None:
+        problems += [f"left out of plan {newest.id}: {why}" for why in newest.decision.left_out.values()]
     return HealthOut(
         status="degraded" if problems else "ok",
         problems=problems,
@@ -231,6 +233,7 @@ def _plan(plan: Plan | None, mission: Mission) -> PlanOut | None:
         expires_at=utc(plan.expires_at_s),
         trigger=plan.trigger,
         reason=decision.reason,
+        left_out=dict(decision.left_out),
         orders=[_hover(order, mission) for order in decision.orders],
         placement=plan_to_json(decision.placement),
     )

@@ -5,9 +5,11 @@ picklable, because a decision is made in a worker process.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
+
+import numpy as np
 
 from hsop_gcs.assignment import Flight, FlightRules, HostOrder, Mover, NoSafeFlight, flight_s, order_for, orders_for
 from hsop_gcs.cameras.rig import CameraRig
@@ -15,7 +17,9 @@ from hsop_gcs.fleet import FlightLimits
 from hsop_gcs.placement import place
 from hsop_gcs.placement.airspace import Airspace
 from hsop_gcs.placement.holding import held_over
+from hsop_gcs.placement.objective import segment_distance
 from hsop_gcs.placement.problem import AvailableHost, Formulation, Objective, Problem, Threat
+from hsop_gcs.placement.reasons import out_of_sight
 from hsop_gcs.placement.solution import HoverPose, Placement, Status, renamed, worst_error_m
 
 _ARRIVAL_TOLERANCE_S = 1.0
@@ -90,6 +94,8 @@ class Decision:
     reason: str = ""
     iterations: tuple[int, ...] = ()
     """Of the placements it took: what makes the decision again."""
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    """Threats that no host can see, and why: the plan is for the others, and keeps its distance to these."""
     keeps: bool = False
     """The flying plan still does: its hosts stay, only their cameras turn on."""
 
@@ -135,7 +141,7 @@ def flight_rules(rules: PlanningRules) -> FlightRules:
 def _decide_for(
     situation: Situation, rules: PlanningRules, lead_s: float, now: Callable[[], float], iterations: tuple[int, ...]
 ) -> Decision:
-    problem = _problem(situation, rules, lead_s)
+    problem, left_out = _problem_in_sight(situation, rules, lead_s)
     placement = place(
         problem,
         n_hosts=_host_count(problem, rules),
@@ -149,14 +155,18 @@ def _decide_for(
     )
     decision = Decision(
         placement=placement,
-        threats=problem.threats,
+        threats=_predicted(situation, lead_s),
         window_start_s=situation.now_s + lead_s,
         reason=placement.reason,
         iterations=(placement.iterations,),
+        left_out=left_out,
     )
     if placement.status is Status.INFEASIBLE:
         return decision
     placement = replace(placement, hosts=tuple(_within_limits(pose, rules.limits) for pose in placement.hosts))
+    too_near = _too_near(placement, situation, rules, lead_s, left_out)
+    if too_near is not None:
+        return replace(decision, placement=placement, reason=too_near)
     orders = orders_for(
         placement,
         situation.movers,
@@ -173,7 +183,7 @@ def _decide_for(
 
 def _problem(situation: Situation, rules: PlanningRules, lead_s: float) -> Problem:
     return Problem(
-        threats=tuple(replace(threat, position_m=threat.predicted_m(lead_s)) for threat in situation.threats),
+        threats=_predicted(situation, lead_s),
         hosts=tuple(
             AvailableHost(id=mover.id, position_m=mover.position_m, rig=mover.rig) for mover in situation.movers
         ),
@@ -189,6 +199,36 @@ def _problem(situation: Situation, rules: PlanningRules, lead_s: float) -> Probl
         attitude_sigma_rad=math.radians(rules.host_attitude_sigma_deg),
         max_views=rules.max_views,
     )
+
+
+def _predicted(situation: Situation, lead_s: float) -> tuple[Threat, ...]:
+    return tuple(replace(threat, position_m=threat.predicted_m(lead_s)) for threat in situation.threats)
+
+
+def _problem_in_sight(situation: Situation, rules: PlanningRules, lead_s: float) -> tuple[Problem, dict[str, str]]:
+    """The problem without the threats that nobody can see, and why nobody can; all of them if there are no others."""
+    problem = _problem(situation, rules, lead_s)
+    left_out = out_of_sight(problem)
+    seen = tuple(threat for threat in situation.threats if threat.id not in left_out)
+    if not seen or not left_out:
+        return problem, {}
+    return _problem(replace(situation, threats=seen), rules, lead_s), left_out
+
+
+def _too_near(
+    placement: Placement, situation: Situation, rules: PlanningRules, lead_s: float, left_out: Mapping[str, str]
+) -> str | None:
+    """Say which threat that the placement leaves out comes too near to one of its hover points; None if none does."""
+    for threat in situation.threats:
+        if threat.id not in left_out:
+            continue
+        path = np.array([threat.position_m, threat.predicted_m(lead_s + rules.horizon_s)])
+        nearest_m = min(segment_distance(np.array(pose.position_m), *path) for pose in placement.hosts)
+        if nearest_m < rules.safety_distance_m:
+            return (
+                f"a host would hover {nearest_m:.1f} m from the path of a threat to be left out: {left_out[threat.id]}"
+            )
+    return None
 
 
 def _airspace(situation: Situation, rules: PlanningRules, lead_s: float) -> Airspace:
@@ -208,10 +248,7 @@ def _kept(situation: Situation, rules: PlanningRules, new: Decision) -> Decision
     flying, available = situation.flying, {mover.id for mover in situation.movers}
     if flying is None or not {pose.host for pose in flying.hosts} <= available:
         return None
-    held = [
-        held_over(flying, _problem(situation, rules, lead_s)) for lead_s in (0.0, new.window_start_s - situation.now_s)
-    ]
-    now, then = held
+    now, then = (_held(flying, situation, rules, lead_s) for lead_s in (0.0, new.window_start_s - situation.now_s))
     if now is None or then is None or now.cost is None or then.cost is None:
         return None
     if new.orders and new.placement.cost is not None and then.cost > (1 + rules.keep_margin) * new.placement.cost:
@@ -224,8 +261,14 @@ def _kept(situation: Situation, rules: PlanningRules, new: Decision) -> Decision
         threats=situation.threats,
         window_start_s=situation.now_s,
         orders=tuple(order_for(pose.host, pose, now, situation.threats, rules.horizon_s) for pose in now.hosts),
+        left_out=new.left_out,
         keeps=True,
     )
+
+
+def _held(flying: Placement, situation: Situation, rules: PlanningRules, lead_s: float) -> Placement | None:
+    problem, left_out = _problem_in_sight(situation, rules, lead_s)
+    return None if _too_near(flying, situation, rules, lead_s, left_out) else held_over(flying, problem)
 
 
 def _host_count(problem: Problem, rules: PlanningRules) -> int | None:

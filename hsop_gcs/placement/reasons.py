@@ -87,6 +87,13 @@ def why_not_flown(
     return f"{_counted(asked)} cannot see every threat{more}: {obstacle}"
 
 
+def out_of_sight(problem: Problem) -> dict[str, str]:
+    """Return the threats that nobody can see, whatever the others do, and for each a sentence that says why."""
+    screens = [Screen(Instance.of(problem, rig)) for rig in problem.rigs]
+    found = ((threat.id, _beyond_cameras(problem, screens, index)) for index, threat in enumerate(problem.threats))
+    return {threat_id: why for threat_id, why in found if why is not None}
+
+
 def _in_the_way(
     problem: Problem, n_hosts: int, possible: Callable[[Problem, int], bool], late: Callable[[], bool]
 ) -> str:

@@ -125,8 +125,12 @@ def test_a_threat_no_plan_can_cover_is_said_so_and_the_service_goes_on() -> None
         assert failed["placement"]["status"] == "infeasible"
         assert "fast" in failed["reason"]
         assert any("fast" in problem for problem in client.get("/api/v1/health").json()["problems"])
-        post(client, report("calm", position=position(lat_deg=47.3987), **STILL))
+        post(client, report("calm", position=position(lat_deg=47.3968), **STILL))
         assert {each["id"] for each in client.get("/api/v1/threats").json()} == {"fast", "calm"}
+        plan = proposed(client)
+        assert [pair["threat"] for pair in plan["placement"]["pairs"]] == ["calm"]
+        assert list(plan["left_out"]) == ["fast"]
+        assert any("left out" in problem for problem in client.get("/api/v1/health").json()["problems"])
 
 
 def test_a_host_that_cannot_be_reached_is_left_out_and_shown() -> None:
