@@ -53,16 +53,16 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         if (host, port) in self._bound:
             raise OSError(98, "Address already in use")
         protocol = protocol_factory()
-        socket = _Socket(self, protocol, (host, port), remote_addr)
-        self._bound[host, port] = socket
-        protocol.connection_made(socket)
-        return socket, protocol
+        bound = _Socket(self, protocol, (host, port), remote_addr)
+        self._bound[host, port] = bound
+        protocol.connection_made(bound)
+        return bound, protocol
 
     def carry(self, data: bytes, sender: Address, receiver: Address) -> None:
         def arrive() -> None:
-            socket = self._bound.get(receiver)
-            if socket is not None:
-                socket.protocol.datagram_received(data, sender)
+            to = self._bound.get(receiver)
+            if to is not None:
+                to.protocol.datagram_received(data, sender)
 
         self.call_later(LATENCY_S, arrive)
 

@@ -157,10 +157,14 @@ def surely_within(state: State, report: Report, gate: float, rules: TrackRules) 
 
 def first_state(report: Report, rules: TrackRules) -> State:
     """Return what one report alone says; a velocity it does not give is zero, give or take how fast threats fly."""
-    measured, noise = stacked([report], rules)
-    if report.velocity_mps is None:
-        noise[0, _AXES + 3, _AXES + 3] = rules.first_velocity_sigma_mps**2
-    return State(report.time_s, measured[0], noise[0])
+    known = report.velocity_mps is not None
+    velocity_sigma = _velocity_sigma(report, rules) if known else rules.first_velocity_sigma_mps
+    position, velocity = _position_sigma(report, rules) ** 2, velocity_sigma**2
+    noise = np.zeros((6, 6))
+    noise[_NUMBERS, _NUMBERS] = (position, position, position, velocity, velocity, velocity)
+    if report.covariance_m2 is not None:
+        noise[:3, :3] = report.covariance_m2
+    return State(report.time_s, np.array((*report.position_m, *(report.velocity_mps or _AT_REST))), noise)
 
 
 def stacked(reports: Sequence[Report], rules: TrackRules) -> tuple[FloatArray, FloatArray]:

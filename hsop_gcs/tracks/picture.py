@@ -62,9 +62,8 @@ def update(
 def prune(picture: Picture, now_s: float, rules: TrackRules) -> tuple[Picture, tuple[Track, ...]]:
     """Return the picture as it stands at ``now_s``, and the threats that left it: not reported for too long."""
     gone = tuple(track for track in picture.tracks.values() if has_left(track, now_s, rules))
-    left = {
-        track.id: aged(track, now_s, rules) for track in picture.tracks.values() if not has_left(track, now_s, rules)
-    }
+    ids = {track.id for track in gone}
+    left = {track.id: aged(track, now_s, rules) for track in picture.tracks.values() if track.id not in ids}
     sources = {
         name: watch for name, watch in picture.sources.items() if now_s - watch.last_heard_s <= rules.source_memory_s
     }

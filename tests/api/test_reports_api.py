@@ -117,3 +117,10 @@ def test_a_report_repeated_is_refused_and_the_track_kept(client: httpx2.Client) 
     assert post(client, once).status_code == 200
     assert is_problem(post(client, once), 422)["errors"][0]["field"] == "time"
     assert [each["reports"] for each in client.get("/api/v1/threats").json() if each["id"] == "repeated"] == [1]
+
+
+def test_how_far_a_sources_clock_is_off_is_shown(client: httpx2.Client) -> None:
+    client.post("/api/v1/reports", json=report("t9", source="behind", late_s=5.0)).raise_for_status()
+    source = client.get("/api/v1/health").json()["reports"]["sources"]["behind"]
+    assert -15.0 < source["clock_offset_s"] <= -5.0
+    assert source["clock_samples"] == 1
