@@ -57,8 +57,8 @@ _RELATIVE = {
     MavFrame.GLOBAL_TERRAIN_ALT,
     MavFrame.GLOBAL_TERRAIN_ALT_INT,
 }
-_KNOWN_BUT_ABSENT = {259}
-"""CAMERA_INFORMATION: a request is accepted, but there is no camera to send it."""
+_KNOWN_BUT_ABSENT = {HomePosition.ID, 259}
+"""A request is accepted, though there is no home yet, or no camera to send its CAMERA_INFORMATION."""
 _X, _V, _A = 0x007, 0x038, 0x1C0
 """The three ignore bits of position, velocity and acceleration; one of them set drops its whole group."""
 _FIRST_COMPLAINT_S, _COMPLAINT_EVERY_S = 6.4, 30.0

@@ -3,6 +3,7 @@
 Source: a recording of 4.7.0-dev.
 """
 
+from dataclasses import replace
 from functools import partial
 
 from hsop_gcs.link.messages import (
@@ -25,10 +26,12 @@ from hsop_gcs.link.messages import (
     Timesync,
     VfrHud,
 )
+from hsop_gcs.simulator.telemetry import global_position
 from hsop_gcs.simulator.vehicle import Sampler, Vehicle
 
 FRESH_LINK_HZ = {Heartbeat.ID: 1.0, Timesync.ID: 0.1}
 
+_SATELLITES_AFTER = 0.2
 _ALL_GROUPS = 0
 _STREAM_GROUPS = {
     2: {SysStatus.ID, GpsRawInt.ID, MissionCurrent.ID, PositionTargetGlobalInt.ID},
@@ -55,8 +58,17 @@ def reports(vehicle: Vehicle) -> dict[int, Sampler]:
         EkfStatusReport.ID: partial(_ekf_status, vehicle),
         ExtendedSysState.ID: lambda: ExtendedSysState(vtol_state=3, landed_state=vehicle.landed),
         MissionCurrent.ID: MissionCurrent,
+        GlobalPositionInt.ID: partial(_global_position, vehicle),
         AutopilotVersion.ID: partial(_autopilot_version, vehicle),
     }
+
+
+def _global_position(vehicle: Vehicle) -> GlobalPositionInt:
+    """At latitude and longitude 0 while it has no satellites, some 9 of the 41 seconds until it is ready."""
+    message = global_position(vehicle.situation())
+    if vehicle.ready or vehicle.since_boot_s >= _SATELLITES_AFTER * vehicle.config.ready_after_s:
+        return message
+    return replace(message, lat=0, lon=0, alt=0)
 
 
 def _sys_status(vehicle: Vehicle) -> SysStatus:

@@ -90,7 +90,8 @@ def _attitude_quaternion(s: Situation) -> AttitudeQuaternion:
     )
 
 
-def _global_position(s: Situation) -> GlobalPositionInt:
+def global_position(s: Situation) -> GlobalPositionInt:
+    """Return where the vehicle believes it is."""
     north, east, down = s.velocity_ned_mps
     return GlobalPositionInt(
         time_boot_ms=s.boot_ms,
@@ -169,7 +170,7 @@ def _gps_global_origin(s: Situation) -> GpsGlobalOrigin:
 SAMPLERS: dict[int, Callable[[Situation], Message]] = {
     Attitude.ID: _attitude,
     AttitudeQuaternion.ID: _attitude_quaternion,
-    GlobalPositionInt.ID: _global_position,
+    GlobalPositionInt.ID: global_position,
     LocalPositionNed.ID: _local_position,
     GpsRawInt.ID: _gps_raw,
     VfrHud.ID: _vfr_hud,

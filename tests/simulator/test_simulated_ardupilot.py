@@ -19,6 +19,7 @@ from hsop_gcs.link.messages import (
     GimbalManagerStatus,
     GlobalPositionInt,
     Heartbeat,
+    HomePosition,
     Message,
     MissionCount,
     MissionRequestList,
@@ -80,6 +81,17 @@ def test_a_fresh_link_carries_only_heartbeats_and_timesync() -> None:
     station = ardupilot(replace(CONFIG, ready_after_s=100.0))
     station.wait(6.0)
     assert {type(message) for _, message in station.heard} == {Heartbeat, Timesync}
+
+
+def test_after_power_up_there_is_no_position_first_and_no_home_for_longer() -> None:
+    station = ardupilot(replace(CONFIG, ready_after_s=10.0))
+    known = []
+    for _ in range(10):
+        for kind in (GlobalPositionInt, HomePosition):
+            assert station.command_long(MavCmd.REQUEST_MESSAGE, param1=float(kind.ID)) == MavResult.ACCEPTED
+        known.append((station.last(GlobalPositionInt).lat != 0, bool(station.all(HomePosition))))
+        station.wait(1.0)
+    assert known == [(False, False)] * 2 + [(True, False)] * 3 + [(True, True)] * 5
 
 
 def test_arming_fails_with_a_text_until_the_estimator_has_a_position() -> None:
