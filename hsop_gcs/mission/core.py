@@ -18,7 +18,7 @@ from hsop_gcs.detections import DetectionRules, Ray, Refused, Watch, assimilate,
 from hsop_gcs.detections import Verdict as RayVerdict
 from hsop_gcs.link.events import Event, OrderEvent
 from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus, progressed
-from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation
+from hsop_gcs.mission.pipeline import Decision, PlanningRules, Sigma, Situation
 from hsop_gcs.mission.state import (
     Autonomy,
     Plans,
@@ -327,6 +327,10 @@ def situation(
             )
             for track in tracks
         ),
+        sigmas=tuple(
+            Sigma(position_m=track.sigma_m, velocity_mps=track.velocity_sigma_mps if track.velocity_known else 0.0)
+            for track in tracks
+        ),
         movers=movers,
         standing=standing,
         flying=None if flying is None else flying.decision.placement,
@@ -360,6 +364,7 @@ def _with_decision(mission: MissionState, given: DecisionMade) -> MissionState:
     plans = with_decision(
         mission.plans,
         given.decision,
+        asked=mission.asked.situation,
         trigger=mission.asked.trigger,
         now_s=given.time_s,
         horizon_s=horizon_s,

@@ -67,12 +67,26 @@ class PlanningRules:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Sigma:
+    """Standard deviations of a threat's position and velocity, each axis."""
+
+    position_m: float
+    velocity_mps: float
+
+    def after(self, time_s: float) -> float:
+        """Return the position's so much later, metres."""
+        return math.hypot(self.position_m, self.velocity_mps * time_s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Situation:
     """Everything a decision depends on. ``now_s``: seconds since the Unix epoch."""
 
     now_s: float
     threats: tuple[Threat, ...]
     """Where they are now."""
+    sigmas: tuple[Sigma, ...] = ()
+    """How sure that is, of each."""
     movers: tuple[Mover, ...]
     """The hosts that can be sent."""
     standing: tuple[Flight, ...] = ()

@@ -9,11 +9,11 @@
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from hsop_gcs.mission.pipeline import Decision
+from hsop_gcs.mission.pipeline import Decision, Sigma, Situation
 from hsop_gcs.tracks import Track, TrackStatus
 
 
@@ -38,6 +38,9 @@ class Plan:
     """End of its window: the prediction it was made for reaches no further."""
     trigger: str
     """Why it was made."""
+    asked_at_s: float
+    sigmas: Mapping[str, Sigma]
+    """How sure the threats' states were when it was asked for."""
     decision: Decision
 
 
@@ -47,7 +50,8 @@ class ReplanRules:
 
     horizon_s: float = 10.0
     departure_m: float = 5.0
-    """A threat has departed from its prediction if it surely is, or will be when the plan ends, farther from it."""
+    """A threat this far from its prediction has departed from it, on top of what was and is uncertain. A plan made when
+    a threat was predicted worse than to twice this is made again when it is predicted better than to this."""
     retry_s: float = 2.0
     """Between attempts while no plan can be made."""
     velocity_wait_s: float = 1.5
@@ -91,8 +95,9 @@ def replan_reason(
         return f"threat {tracks[0].id} appeared"
     planned = {threat.id: threat for threat in newest.decision.threats}
     if newest is plans.failed:
-        waited = now_s >= newest.made_at_s + rules.retry_s
-        return "no plan yet" if waited else None
+        # one that could not be flown any more was good a moment ago: the next one may be
+        due_s = newest.made_at_s + (0.0 if newest.decision.orders else rules.retry_s)
+        return "no plan yet" if now_s >= due_s else None
     for track in tracks:
         if track.id not in planned:
             return f"threat {track.id} appeared"
@@ -103,12 +108,17 @@ def replan_reason(
     if now_s > newest.made_at_s + rules.horizon_s / 2:
         moments.append((newest.expires_at_s, "will be"))
     for track in tracks:
+        before, now = newest.sigmas[track.id], Sigma(position_m=track.sigma_m, velocity_mps=track.velocity_sigma_mps)
         for at_s, verb in moments:
             predicted_m = planned[track.id].predicted_m(at_s - newest.decision.window_start_s)
             departed_m = math.dist(predicted_m, track.position_at(at_s))
-            doubt_m = math.hypot(track.sigma_m, track.velocity_sigma_mps * (at_s - track.time_s))
+            doubt_m = math.hypot(now.after(at_s - track.time_s), before.after(at_s - newest.asked_at_s))
             if departed_m > rules.departure_m + 3 * doubt_m:
                 return f"threat {track.id} {verb} {departed_m:.0f} m from its prediction"
+        starts_s = max(now_s, newest.decision.window_start_s)
+        then_m, now_m = before.after(starts_s - newest.asked_at_s), now.after(starts_s - track.time_s)
+        if then_m > 2 * rules.departure_m and now_m < rules.departure_m:
+            return f"threat {track.id} is predicted to {now_m:.1f} m now, {then_m:.1f} m before"
     for order in newest.decision.orders:
         if order.host not in available:
             return f"host {order.host} is not available any more"
@@ -117,7 +127,9 @@ def replan_reason(
     return None
 
 
-def with_decision(plans: Plans, decision: Decision, *, trigger: str, now_s: float, horizon_s: float) -> Plans:
+def with_decision(
+    plans: Plans, decision: Decision, *, asked: Situation, trigger: str, now_s: float, horizon_s: float
+) -> Plans:
     """Return the plans after a decision: a new proposal, the flying plan for longer, or a failure to show."""
     made = plans.made + 1
     plan = Plan(
@@ -125,6 +137,8 @@ def with_decision(plans: Plans, decision: Decision, *, trigger: str, now_s: floa
         made_at_s=now_s,
         expires_at_s=decision.window_start_s + horizon_s,
         trigger=trigger,
+        asked_at_s=asked.now_s,
+        sigmas={threat.id: sigma for threat, sigma in zip(asked.threats, asked.sigmas, strict=True)},
         decision=decision,
     )
     if decision.keeps and plans.flying is not None:

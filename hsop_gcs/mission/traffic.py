@@ -27,6 +27,9 @@ from hsop_gcs.placement.problem import Point, Threat
 
 Move = HostDeparted | HostStopped | HostRetried | HostSetAside
 
+_WATCH_AHEAD_S = 5.0
+"""How far ahead a flying host is watched for threats: a stop takes three seconds, and what is predicted for later will
+have changed by then, so that a host that heeded it would stop and go all the way."""
 _STOP_EARLIER_M = 1.0
 """How much nearer than planned two hosts come before one of them is stopped."""
 
@@ -93,7 +96,12 @@ class Traffic:
         """A flying host is turned aside or stopped before it comes too near to a threat or to another host."""
         planning = self.mission.rules.planning
         mover, rules = self._mover(host), flight_rules(planning)
-        near = replace(rules, safety_distance_m=planning.safety_distance_m, airspace=Airspace())
+        near = replace(
+            rules,
+            horizon_s=min(_WATCH_AHEAD_S, rules.horizon_s),
+            safety_distance_m=planning.safety_distance_m,
+            airspace=Airspace(),
+        )
         flight = Flight(host=host, points_m=(mover.position_m, *progress.ahead_m))
         unsafe = why_unsafe(mover, progress.ahead_m, threats, near)
         if unsafe is not None:

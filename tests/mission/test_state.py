@@ -6,7 +6,7 @@ import pytest
 
 from hsop_gcs.assignment import HostOrder
 from hsop_gcs.mission.core import MissionState, ProposalRefused, apply
-from hsop_gcs.mission.pipeline import Decision
+from hsop_gcs.mission.pipeline import Decision, Sigma, Situation
 from hsop_gcs.mission.records import from_record, to_record
 from hsop_gcs.mission.state import (
     Plans,
@@ -45,12 +45,18 @@ def decision(*threats: Threat, orders: bool = True) -> Decision:
     )
 
 
-def planned(orders: bool = True) -> Plans:
+def asked(*threats: Threat, sigma_m: float = 0.5, now_s: float = 100.0) -> Situation:
+    sigmas = tuple(Sigma(position_m=sigma_m, velocity_mps=0.0) for _ in threats)
+    return Situation(now_s=now_s, threats=threats, sigmas=sigmas, movers=())
+
+
+def planned(orders: bool = True, sigma_m: float = 0.5) -> Plans:
     """A plan made at 100 s for one threat that is at 5 m east when its window starts at 105 s."""
     threat = Threat(id="t1", position_m=(5.0, 0.0, 40.0), velocity_mps=(1.0, 0.0, 0.0))
     return with_decision(
         Plans(),
         decision(threat, orders=orders),
+        asked=asked(threat, sigma_m=sigma_m),
         trigger="threat t1 appeared",
         now_s=100.0,
         horizon_s=10.0,
@@ -89,7 +95,7 @@ def test_a_threat_that_left_asks_for_a_plan_without_it() -> None:
         Threat(id="t1", position_m=(5.0, 0.0, 40.0), velocity_mps=(1.0, 0.0, 0.0)),
         Threat(id="t2", position_m=(90.0, 0.0, 40.0)),
     )
-    state = with_decision(Plans(), both, trigger="", now_s=100.0, horizon_s=10.0)
+    state = with_decision(Plans(), both, asked=asked(*both.threats), trigger="", now_s=100.0, horizon_s=10.0)
     assert replan_reason(state, (track("t1", 101, 1),), HOSTS, 101.0, RULES) == "threat t2 left"
 
 
@@ -117,10 +123,20 @@ def test_a_plan_is_due_when_a_velocity_becomes_known_that_it_was_not_made_for() 
     assert replan_reason(planned(), (climbing(3.0),), HOSTS, 106.0, RULES) is None
 
 
+def test_a_plan_for_a_coarse_track_waits_until_it_is_known_well() -> None:
+    coarse = planned(sigma_m=15.0)
+    report = Report(source="r", threat_id="t1", time_s=104.0, position_m=(20.0, 0.0, 40.0), sigma_m=10.0)
+    still_coarse = begin("t1", report, now_s=104.0, rules=TrackRules())
+    assert replan_reason(coarse, (still_coarse,), HOSTS, 104.0, RULES) is None
+    assert replan_reason(coarse, (track("t1", 108, 20),), HOSTS, 108.0, RULES) == (
+        "threat t1 is predicted to 0.5 m now, 15.0 m before"
+    )
+
+
 def test_a_decision_that_keeps_the_flying_plan_gives_it_more_time() -> None:
     flying = with_proposal_flying(planned())
     keeps = replace(decision(), keeps=True)
-    kept = with_decision(flying, keeps, trigger="", now_s=112.0, horizon_s=10.0)
+    kept = with_decision(flying, keeps, asked=asked(), trigger="", now_s=112.0, horizon_s=10.0)
     assert kept.flying is not None
     assert (kept.flying.id, kept.flying.expires_at_s, kept.proposed) == ("P1", 115.0, None)
 
@@ -137,13 +153,13 @@ def test_an_approved_plan_flies_and_a_failure_after_it_leaves_it_flying() -> Non
     flying = with_proposal_flying(planned())
     assert flying.flying is not None
     assert flying.proposed is None
-    after = with_decision(flying, decision(orders=False), trigger="", now_s=110.0, horizon_s=10.0)
+    after = with_decision(flying, decision(orders=False), asked=asked(), trigger="", now_s=110.0, horizon_s=10.0)
     assert after.flying is flying.flying
     assert after.failed is not None
 
 
 def test_a_newer_plan_replaces_a_proposal() -> None:
-    newer = with_decision(planned(), decision(), trigger="", now_s=111.0, horizon_s=10.0)
+    newer = with_decision(planned(), decision(), asked=asked(), trigger="", now_s=111.0, horizon_s=10.0)
     assert newer.proposed is not None
     assert newer.proposed.id == "P2"
 
