@@ -217,10 +217,10 @@ async def _run(
         with open(0, "rb", buffering=0, closefd=False) as stdin:
             for line in stdin:
                 loop.call_soon_threadsafe(lines.put_nowait, line.decode(errors="replace"))
-        if truth_on_stdin:
-            loop.call_soon_threadsafe(lines.put_nowait, "")
         if exit_with_stdin:
             loop.call_soon_threadsafe(stop.set)
+        else:
+            loop.call_soon_threadsafe(lines.put_nowait, "")
 
     async def look(lookout_of: "Callable[[str], Lookout]") -> None:
         nonlocal lookout

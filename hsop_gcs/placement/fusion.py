@@ -10,7 +10,8 @@ from hsop_gcs.placement.objective import (
     expected_error_m,
     noise_rad,
     pixel_width,
-    room_in_image_deg,
+    room_in_field_deg,
+    room_in_height_deg,
     threat_points_m,
     weight,
 )
@@ -89,5 +90,7 @@ def _sees(eye: Eye, size_m: float, point_m: FloatArray) -> bool:
     """Return whether a camera as it is aimed detects an object at a point."""
     if pixel_width(eye, size_m, point_m) < eye.min_pixels:
         return False
-    # The central camera's room is not a number while it is not in use.
-    return eye.camera is CameraKind.PERIPHERAL or room_in_image_deg(eye, point_m) >= 0
+    if eye.camera is CameraKind.PERIPHERAL:
+        return True
+    # While the central camera is not in use its room in the field is not a number.
+    return room_in_field_deg(eye, point_m) >= 0 and room_in_height_deg(eye, point_m) >= 0

@@ -43,6 +43,8 @@ class Margins:
 
     pixels: float = math.inf
     fov_deg: float = math.inf
+    image_deg: float = math.inf
+    """To the upper and lower edges of the central cameras' images."""
     distance_m: float = math.inf
     separation_m: float = math.inf
     fence_m: float = math.inf
@@ -57,6 +59,7 @@ class Margins:
         return min(
             self.pixels,
             self.fov_deg,
+            self.image_deg,
             self.distance_m,
             self.separation_m,
             self.fence_m,
@@ -166,14 +169,16 @@ def angle_from_central_axis(pose: HoverPose, point_m: npt.ArrayLike) -> float:
     return angle_between(axis, ray(pose, point_m))
 
 
-def room_in_image_deg(eye: Eye, point_m: npt.ArrayLike) -> float:
-    """Return how far inside the central camera's field and image a point lies, degrees; not a number while it rests."""
-    lens, sight = eye.rig.central, ray(eye.pose, point_m)
-    off_rad = angle_from_central_axis(eye.pose, point_m)
-    if math.isnan(off_rad):
-        return math.nan
-    _, down, ahead = camera_axes(math.radians(eye.pose.pan_deg or 0.0), math.radians(eye.pose.tilt_deg)) @ sight
-    return math.degrees(min(lens.half_fov_rad - off_rad, lens.half_height_rad - abs(math.atan2(down, ahead))))
+def room_in_field_deg(eye: Eye, point_m: npt.ArrayLike) -> float:
+    """Return how far inside the central camera's field of view a point lies, degrees; not a number while it rests."""
+    return eye.rig.central.fov_deg / 2 - math.degrees(angle_from_central_axis(eye.pose, point_m))
+
+
+def room_in_height_deg(eye: Eye, point_m: npt.ArrayLike) -> float:
+    """Return how far below the upper and above the lower edge of the central camera's image a point lies, degrees."""
+    pan_rad, tilt_rad = math.radians(eye.pose.pan_deg or 0.0), math.radians(eye.pose.tilt_deg)
+    _, down, ahead = camera_axes(pan_rad, tilt_rad) @ ray(eye.pose, point_m)
+    return math.degrees(eye.rig.central.half_height_rad - abs(math.atan2(down, ahead)))
 
 
 def pixel_width(eye: Eye, size_m: float, point_m: npt.ArrayLike) -> float:
@@ -265,7 +270,7 @@ def margins(problem: Problem, hosts: Sequence[HoverPose], views: Views) -> Margi
     ]
     hosts, all_points, ways = _as_formulated(problem, hosts)
     poses = {pose.host: pose for pose in hosts}
-    pixels, fov_deg, distance_m = [math.inf], [math.inf], [math.inf]
+    pixels, fov_deg, image_deg, distance_m = [math.inf], [math.inf], [math.inf], [math.inf]
     for threat, points in zip(problem.threats, all_points, strict=True):
         for view in views[threat.id]:
             pose = poses[view.host]
@@ -274,10 +279,12 @@ def margins(problem: Problem, hosts: Sequence[HoverPose], views: Views) -> Margi
                 pixels.append(pixel_width(eye, threat.size_m, point) - eye.min_pixels)
                 distance_m.append(math.dist(pose.position_m, point) - problem.safety_distance_m)
                 if view.camera is CameraKind.CENTRAL:
-                    fov_deg.append(room_in_image_deg(eye, point))
+                    fov_deg.append(room_in_field_deg(eye, point))
+                    image_deg.append(room_in_height_deg(eye, point))
     slack = Margins(
         pixels=min(pixels),
         fov_deg=min(fov_deg),
+        image_deg=min(image_deg),
         distance_m=min(distance_m),
         gimbal_deg=min(gimbal_deg, default=math.inf),
     )

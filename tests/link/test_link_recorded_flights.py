@@ -4,6 +4,7 @@ Written by ``tests/system/record_flight.py`` with ArduCopter 4.7.0-dev and PX4 1
 gimbal, from power-up to the return.
 """
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -29,7 +30,7 @@ ORDERS = {
 }
 
 
-Order = tuple[int, tuple[float, ...]]
+Order = tuple[int, tuple[float | None, ...]]
 """A command and what says where to or what."""
 
 
@@ -81,7 +82,7 @@ def _orders(messages: list[Message]) -> list[Order]:
             what = (message.param1, message.param2, message.param3, message.param7)
         else:
             continue
-        found.append((message.command, tuple(round(value, 2) for value in what)))
+        found.append((message.command, tuple(None if math.isnan(value) else round(value, 2) for value in what)))
     return found
 
 

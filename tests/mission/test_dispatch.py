@@ -15,7 +15,7 @@ DRIFTED = Drifted(**NAME, problem="3 m away")  # type: ignore[arg-type]
 
 
 def after(*events: Event) -> OrderProgress:
-    progress = OrderProgress(order_id="P1/h1", plan_id="P1", order=ORDER)
+    progress = OrderProgress(order_id="P1/h1", plan_id="P1", order=ORDER, status=OrderStatus.SENT)
     for event in events:
         progress = progressed(progress, event)
     return progress

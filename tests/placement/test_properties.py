@@ -131,14 +131,15 @@ def test_turning_moving_and_mirroring_change_nothing(
     assert cost_of(solve(other, 4, rounds=2)) == pytest.approx(cost_of(solve(problem, 4, rounds=2)), rel=1e-3)
 
 
-@pytest.mark.parametrize("formulation", list(Formulation))
+@pytest.mark.parametrize(("formulation", "tolerance"), [(Formulation.LETTER, 1e-6), (Formulation.OPERATIONAL, 0.01)])
 @few
 @given(seeds)
-def test_a_host_more_never_costs_more(formulation: Formulation, seed: int) -> None:
+def test_a_host_more_never_costs_more(formulation: Formulation, tolerance: float, seed: int) -> None:
+    """But for the room it takes where hosts keep apart: every host that is placed has to see something."""
     problem = drawn(3, seed, formulation)
     costs = [cost_of(solve(problem, hosts, rounds=8)) for hosts in (3, 4, 5, 6)]
     for fewer, more in itertools.pairwise(costs):
-        assert more <= fewer * (1 + 1e-6)
+        assert more <= fewer * (1 + tolerance)
 
 
 @few
