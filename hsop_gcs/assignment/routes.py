@@ -15,13 +15,14 @@ from hsop_gcs.placement.problem import Point, Threat
 FloatArray = npt.NDArray[np.float64]
 
 _STEP_S = 0.2
-_MARGIN_M = 4.0
-"""How much farther than the safety distance detours lead past a threat: a chord between two of them stays outside."""
+_MARGINS_M = (4.0, 14.0)
+"""How much farther than the safety distance detours lead past a threat: chords between them stay outside, from the
+nearer ones to each other, from the farther ones also to a host close to the threat."""
 _AROUND = 12
 """Detour points around each place of a threat."""
 _ALONG = 3
 """Places of a threat's predicted path that detours are laid around."""
-_NEAREST = 24
+_NEAREST = 40
 """Detour points tried in pairs."""
 
 
@@ -78,8 +79,8 @@ def safe_route(mover: Mover, goal_m: Point, threats: tuple[Threat, ...], rules: 
         return direct
     beside = np.array([(east, north, 0.0) for east, north in corners]).reshape(-1, 3)
     if threats:
-        around = _beside(threats, rules.horizon_s, rules.safety_distance_m + _MARGIN_M)
-        beside = np.concatenate([beside, around])
+        rings = (_beside(threats, rules.horizon_s, rules.safety_distance_m + margin_m) for margin_m in _MARGINS_M)
+        beside = np.concatenate([beside, *rings])
     beside[:, 2] = goal[2]
     by_one = shortest(_ways(start, beside[:, None], goal))
     if by_one is not None and not corners:

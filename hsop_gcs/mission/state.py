@@ -51,7 +51,7 @@ class ReplanRules:
     horizon_s: float = 10.0
     departure_m: float = 5.0
     """A threat this far from its prediction has departed from it, on top of what was and is uncertain. A plan made when
-    a threat was predicted worse than to twice this is made again when it is predicted better than to this."""
+    a threat was predicted worse than to twice this is made again when all are predicted better than to this."""
     retry_s: float = 2.0
     """Between attempts while no plan can be made."""
     velocity_wait_s: float = 1.5
@@ -107,6 +107,7 @@ def replan_reason(
     moments = [(now_s, "is")]
     if now_s > newest.made_at_s + rules.horizon_s / 2:
         moments.append((newest.expires_at_s, "will be"))
+    starts_s, all_known, sharpened = max(now_s, newest.decision.window_start_s), True, ""
     for track in tracks:
         before, now = newest.sigmas[track.id], Sigma(position_m=track.sigma_m, velocity_mps=track.velocity_sigma_mps)
         for at_s, verb in moments:
@@ -115,10 +116,12 @@ def replan_reason(
             doubt_m = math.hypot(now.after(at_s - track.time_s), before.after(at_s - newest.asked_at_s))
             if departed_m > rules.departure_m + 3 * doubt_m:
                 return f"threat {track.id} {verb} {departed_m:.0f} m from its prediction"
-        starts_s = max(now_s, newest.decision.window_start_s)
         then_m, now_m = before.after(starts_s - newest.asked_at_s), now.after(starts_s - track.time_s)
-        if then_m > 2 * rules.departure_m and now_m < rules.departure_m:
-            return f"threat {track.id} is predicted to {now_m:.1f} m now, {then_m:.1f} m before"
+        all_known = all_known and now_m < rules.departure_m
+        if then_m > 2 * rules.departure_m:
+            sharpened = f"threat {track.id} is predicted to {now_m:.1f} m now, {then_m:.1f} m before"
+    if all_known and sharpened:
+        return sharpened
     for order in newest.decision.orders:
         if order.host not in available:
             return f"host {order.host} is not available any more"
