@@ -1,6 +1,7 @@
 """Routes: how a host gets to its hover point without coming near a threat or leaving the airspace: straight, or past
 what is in the way by a point or two."""
 
+import math
 from dataclasses import dataclass, field
 from itertools import product
 
@@ -91,13 +92,22 @@ def safe_route(mover: Mover, goal_m: Point, threats: tuple[Threat, ...], rules: 
     return shortest(_ways(start, pairs, goal), by_one)
 
 
-def why_unsafe(mover: Mover, route_m: tuple[Point, ...], threats: tuple[Threat, ...], rules: FlightRules) -> str | None:
+def why_unsafe(
+    mover: Mover,
+    route_m: tuple[Point, ...],
+    threats: tuple[Threat, ...],
+    rules: FlightRules,
+    *,
+    within_s: float = math.inf,
+) -> str | None:
     """Return what is wrong with flying a route from now on, for a person; None if it is safe.
 
     It keeps the safety distance from all threats flying straight on, inside the fence and outside keep-out areas. A
-    host that is already nearer to a threat than the safety distance may not come nearer still.
+    host that is already nearer to a threat than the safety distance may not come nearer still. within_s: how much of
+    the flight is looked at.
     """
-    distances = _distances(np.array([mover.position_m, *route_m]), mover, threats, rules.horizon_s)
+    way = np.array([mover.position_m, *route_m])
+    distances = _distances(way, mover, threats, rules.horizon_s, within_s)
     near = np.min(distances - np.minimum(rules.safety_distance_m, distances[:, :1]), axis=1) < -1e-9
     if near.any():
         worst = int(np.argmin(np.where(near, distances.min(axis=1), np.inf)))
@@ -111,13 +121,15 @@ def clearance_m(mover: Mover, route_m: tuple[Point, ...], threats: tuple[Threat,
     return float(_distances(way, mover, threats, horizon_s).min(initial=np.inf))
 
 
-def _distances(way: FloatArray, mover: Mover, threats: tuple[Threat, ...], horizon_s: float) -> FloatArray:
+def _distances(
+    way: FloatArray, mover: Mover, threats: tuple[Threat, ...], horizon_s: float, within_s: float = math.inf
+) -> FloatArray:
     """(threats, times) metres, for a host that flies the way, (points, 3), at constant speed from now on.
 
     Beyond the horizon threats stay where their prediction ends: a longer way round does not make a goal safe.
     """
     reached_s = np.concatenate([[0.0], np.cumsum(leg_times_s(way, mover))])
-    times = np.arange(0.0, float(reached_s[-1]) + _STEP_S, _STEP_S)
+    times = np.arange(0.0, min(float(reached_s[-1]), within_s) + _STEP_S, _STEP_S)
     host = np.stack([np.interp(times, reached_s, way[:, axis]) for axis in range(3)])
     start = np.array([threat.position_m for threat in threats]).reshape(-1, 3, 1)
     velocity = np.array([threat.velocity_mps for threat in threats]).reshape(-1, 3, 1)

@@ -409,11 +409,12 @@ def _with_move(
                 order=replace(progress.order, via_m=route_m[:-1]),
                 leg=0,
                 departures=progress.departures + 1,
+                since_s=given.time_s,
                 status=OrderStatus.SENT,
                 note="",
             )
         case HostStopped(reason=reason):
-            progress = replace(progress, status=OrderStatus.WAITING, note=reason)
+            progress = replace(progress, status=OrderStatus.WAITING, since_s=given.time_s, note=reason)
         case HostRetried():
             progress = replace(progress, status=OrderStatus.WAITING, attempts=progress.attempts + 1)
         case HostSetAside(host=host, reason=reason, until_s=until_s):

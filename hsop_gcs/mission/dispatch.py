@@ -56,6 +56,8 @@ class OrderProgress:
     """How often it set out."""
     attempts: int = 1
     """How often it may have failed, and one."""
+    since_s: float = 0.0
+    """When it departed or was stopped last, seconds since the Unix epoch."""
     status: OrderStatus = OrderStatus.WAITING
     note: str = ""
 

@@ -30,6 +30,8 @@ Move = HostDeparted | HostStopped | HostRetried | HostSetAside
 _WATCH_AHEAD_S = 5.0
 """How far ahead a flying host is watched for threats: a stop takes three seconds, and what is predicted for later will
 have changed by then, so that a host that heeded it would stop and go all the way."""
+_TURN_EVERY_S = 2.0
+"""No host turns aside, or departs after a stop, more often: tracks of threats waver, and every order takes time."""
 _STOP_EARLIER_M = 1.0
 """How much nearer than planned two hosts come before one of them is stopped."""
 
@@ -51,7 +53,7 @@ class Traffic:
             if self.aircraft[host].position_m is None:
                 continue
             if progress.status is OrderStatus.WAITING:
-                if self.why_waiting(host) is None:
+                if self.why_waiting(host) is None and (progress.departures == 0 or self._calm(progress)):
                     route = self._route(host, progress, threats)
                     if not isinstance(route, str):
                         yield HostDeparted(time_s=self.now_s, host=host, route_m=route)
@@ -96,16 +98,11 @@ class Traffic:
         """A flying host is turned aside or stopped before it comes too near to a threat or to another host."""
         planning = self.mission.rules.planning
         mover, rules = self._mover(host), flight_rules(planning)
-        near = replace(
-            rules,
-            horizon_s=min(_WATCH_AHEAD_S, rules.horizon_s),
-            safety_distance_m=planning.safety_distance_m,
-            airspace=Airspace(),
-        )
+        near = replace(rules, safety_distance_m=planning.safety_distance_m, airspace=Airspace())
         flight = Flight(host=host, points_m=(mover.position_m, *progress.ahead_m))
-        unsafe = why_unsafe(mover, progress.ahead_m, threats, near)
+        unsafe = why_unsafe(mover, progress.ahead_m, threats, near, within_s=_WATCH_AHEAD_S)
         if unsafe is not None:
-            may_turn = self.why_waiting(host) is None
+            may_turn = self.why_waiting(host) is None and self._calm(progress)
             other_way = self._way_around(flight, progress, threats, rules) if may_turn else None
             if other_way is not None:
                 yield HostDeparted(time_s=self.now_s, host=host, route_m=other_way)
@@ -136,6 +133,10 @@ class Traffic:
             return HostRetried(time_s=self.now_s, host=host)
         reason = f"its order failed {progress.attempts} times: {progress.note}"
         return HostSetAside(time_s=self.now_s, host=host, reason=reason, until_s=self.now_s + rules.set_aside_s)
+
+    def _calm(self, progress: OrderProgress) -> bool:
+        """Whether the host's last departure or stop is some time ago."""
+        return self.now_s >= progress.since_s + _TURN_EVERY_S
 
     def _others(self, host: str, progress: OrderProgress, *, flying_only: bool = False) -> Iterator[Flight]:
         """Everybody else: those that depart before it with all that is ahead of them, the rest where they are."""

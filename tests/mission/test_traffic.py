@@ -135,7 +135,7 @@ def test_a_host_behind_a_closed_gate_and_a_stale_order_stay() -> None:
 def test_a_threat_that_moves_into_the_way_turns_a_flight_aside() -> None:
     mission, _ = moved(flying(("h1", (0, 90, 40))))
     mission = reported(spoke(mission, OrderAccepted), (0.0, 45.0, 40.0), NOW_S + 1)
-    mission, moves = moved(mission, NOW_S + 1, h1=(0.0, 10.0, 40.0))
+    mission, moves = moved(mission, NOW_S + 2, h1=(0.0, 10.0, 40.0))
     (turned,) = moves
     assert isinstance(turned, HostDeparted)
     assert len(turned.route_m) > 1
@@ -153,13 +153,14 @@ def test_without_a_way_around_the_host_stops_and_goes_on_when_there_is_one() -> 
     stopped, moves = moved(over_goal, NOW_S + 1, h1=(0.0, 40.0, 40.0))
     (stop,) = moves
     assert isinstance(stop, HostStopped)
-    assert (stop.gate, stop.reason) == ("threat", "its flight comes to 5 m from threat t2")
+    assert (stop.gate, stop.reason) == ("threat", "its flight comes to 15 m from threat t2")
     assert statuses(stopped) == {"h1": "waiting"}
     old = OrderSuperseded(system=1, order_id="P1/h1")
     assert statuses(apply(stopped, HostSpoke(time_s=NOW_S, host="h1", event=old))) == {"h1": "waiting"}
-    assert moved(stopped, NOW_S + 1, h1=(0.0, 42.0, 40.0))[1] == []
+    assert moved(stopped, NOW_S + 4, h1=(0.0, 42.0, 40.0))[1] == []
     gone = apply(stopped, ThreatDismissed(time_s=NOW_S + 2, threat_id="t2"))
-    _, moves = moved(gone, NOW_S + 2, h1=(0.0, 42.0, 40.0))
+    assert moved(gone, NOW_S + 2.9, h1=(0.0, 42.0, 40.0))[1] == [], "it rests for a moment"
+    _, moves = moved(gone, NOW_S + 3, h1=(0.0, 42.0, 40.0))
     assert [type(move) for move in moves] == [HostDeparted]
 
 
@@ -170,7 +171,7 @@ def test_a_host_that_somebody_puts_in_the_way_stops_the_one_that_flies() -> None
     assert isinstance(stop, HostStopped)
     assert (stop.gate, stop.reason) == ("separation", "comes too near to h2")
     assert traffic(mission, h2=(4.0, 50.0, 40.0)).why_blocked("h1") == "waits for h2 to pass"
-    assert [type(move) for move in moved(mission, h2=(14.0, 50.0, 40.0))[1]] == [HostDeparted]
+    assert [type(move) for move in moved(mission, NOW_S + 2, h2=(14.0, 50.0, 40.0))[1]] == [HostDeparted]
 
 
 def test_an_order_that_fails_is_tried_again_and_then_the_host_is_planned_without() -> None:
@@ -178,7 +179,7 @@ def test_an_order_that_fails_is_tried_again_and_then_the_host_is_planned_without
     for again in (1, 2):
         mission, moves = moved(spoke(mission, OrderFailed, reason="not there"))
         assert [type(move) for move in moves] == [HostRetried]
-        mission, moves = moved(mission)
+        mission, moves = moved(mission, NOW_S + 2 * again)
         assert [type(move) for move in moves] == [HostDeparted]
         assert mission.progress["h1"].leg_id == f"P1/h1/again{again}"
     mission, moves = moved(spoke(mission, OrderFailed, reason="not there"))
