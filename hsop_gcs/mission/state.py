@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from hsop_gcs.detections.assimilate import SOURCE
 from hsop_gcs.mission.pipeline import Decision, Sigma, Situation
 from hsop_gcs.tracks import Track, TrackStatus
 
@@ -75,11 +76,15 @@ class Plans:
 
 
 def ready(tracks: Iterable[Track], now_s: float, rules: ReplanRules) -> tuple[Track, ...]:
-    """Return the tracks worth planning for: confirmed, with a velocity that is known or will not be known soon."""
+    """Return the tracks worth planning for: confirmed, with a velocity that is known or will not be known soon.
+
+    What nobody but our cameras has ever told of counts while they see it: rays that cross by chance start such tracks.
+    """
     return tuple(
         track
         for track in tracks
         if track.status is not TrackStatus.TENTATIVE
+        and not (track.source == SOURCE and not track.sources and track.status is TrackStatus.COASTING)
         and (track.velocity_known or now_s - track.first_seen_s > rules.velocity_wait_s)
     )
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from hsop_gcs.assignment import HostOrder
+from hsop_gcs.detections.assimilate import SOURCE
 from hsop_gcs.mission.core import MissionState, ProposalRefused, apply
 from hsop_gcs.mission.pipeline import Decision, Sigma, Situation
 from hsop_gcs.mission.records import from_record, to_record
@@ -19,7 +20,7 @@ from hsop_gcs.mission.state import (
 from hsop_gcs.placement.problem import Formulation, Objective, Point, Threat
 from hsop_gcs.placement.solution import Placement, Status
 from hsop_gcs.reports import Report
-from hsop_gcs.tracks import Track, TrackRules
+from hsop_gcs.tracks import Track, TrackRules, TrackStatus
 from hsop_gcs.tracks.lifecycle import begin
 
 RULES = ReplanRules(horizon_s=10.0, departure_m=5.0)
@@ -183,3 +184,12 @@ def test_a_threat_without_a_velocity_is_given_a_moment_to_show_one() -> None:
     unknown = track("t1", 100, 0, velocity=None)
     assert ready((unknown,), 100.5, RULES) == ()
     assert ready((unknown,), 102.0, RULES) == (unknown,)
+
+
+def test_what_only_cameras_have_seen_is_planned_for_while_they_see_it() -> None:
+    seen = replace(track("T1", 100, 0), source=SOURCE, sources=())
+    assert ready((seen,), 100.5, RULES) == (seen,)
+    coasting = replace(seen, status=TrackStatus.COASTING)
+    assert ready((coasting,), 103.0, RULES) == ()
+    reported = replace(coasting, source="radar")
+    assert ready((reported,), 103.0, RULES) == (reported,)
