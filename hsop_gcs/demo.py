@@ -42,7 +42,7 @@ REPORT_SIGMA_M = 15.0
 SETTLE_S = 4.0
 HORIZON_S = 14.0
 """A little longer than the letter's 10 s: these threats are slow, and a plan should outlast the flight to it."""
-LIMIT_S = 150.0
+LIMIT_S = 240.0
 SEED = 0
 
 

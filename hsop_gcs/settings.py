@@ -84,7 +84,7 @@ class PlanningSection(_Section):
     objective: Objective = Objective.LETTER
     horizon_s: Positive = 10.0
     safety_distance_m: Positive = 20.0
-    safety_margin_m: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 1.0
+    safety_margin_m: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 4.0
     min_separation_m: Positive = 10.0
     host_position_sigma_m: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
     host_attitude_sigma_deg: Annotated[float, Field(ge=0, le=45)] = 0.0

@@ -23,7 +23,7 @@ _AROUND = 12
 """Detour points around each place of a threat."""
 _ALONG = 3
 """Places of a threat's predicted path that detours are laid around."""
-_NEAREST = 40
+_NEAREST = 24
 """Detour points tried in pairs."""
 
 

@@ -72,6 +72,8 @@ _LEG_REACHED_M = 3.0
 """So near to a point of its route a host is sent on; routes keep more than this in hand."""
 _LEG_DEADLINE_S = 10.0
 _POSE_STEP_S = 0.025
+_SEEK_EVERY_S = 1.0
+"""Between attempts to find a way for a host that waits."""
 
 log = logging.getLogger(__name__)
 
@@ -121,6 +123,8 @@ class Mission:
         self._solver = solver
         self._solving: asyncio.Task[None] | None = None
         self._changed = asyncio.Event()
+        self._resting: dict[str, float] = {}
+        """Until when no way is sought for waiting hosts."""
         self._poses = {host.id: PoseHistory() for host in fleet.hosts}
         self._take(MissionStarted(time_s=clock(), rules=rules or Rules()))
 
@@ -231,7 +235,8 @@ class Mission:
         progress = self.state.progress.get(host.id)
         if progress is None or progress.status is not OrderStatus.WAITING:
             return None
-        return self.sky.traffic(self.state, self.clock()).why_blocked(host.id) or "departs"
+        waits = self.sky.traffic(self.state, self.clock()).why_waiting(host.id)
+        return waits or progress.note or "its way is not free yet"
 
     def target_of(self, host: Host, at_s: float) -> Aim | None:
         """Return where a host should look for its threats at a time, from where it is; None if it is to follow none."""
@@ -357,7 +362,12 @@ class Mission:
 
     def _direct_traffic(self, now_s: float) -> None:
         """Let hosts depart, turn aside, stop and try again."""
-        for given in list(self.sky.traffic(self.state, now_s).moves()):
+        resting = frozenset(host for host, until_s in self._resting.items() if now_s < until_s)
+        moves = list(self.sky.traffic(self.state, now_s, resting).moves())
+        for host_id, progress in self.state.progress.items():
+            if progress.status is OrderStatus.WAITING and host_id not in resting:
+                self._resting[host_id] = now_s + _SEEK_EVERY_S
+        for given in moves:
             host = self._hosts([given.host])[0]
             if isinstance(given, HostStopped):
                 self._stop(host)

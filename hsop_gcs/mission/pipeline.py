@@ -40,7 +40,7 @@ class PlanningRules:
 
     horizon_s: float = 10.0
     safety_distance_m: float = 20.0
-    safety_margin_m: float = 1.0
+    safety_margin_m: float = 4.0
     """What plans keep on top of the safety distance, so that they are still safe when a track moves a little."""
     min_separation_m: float = 10.0
     formulation: Formulation = Formulation.OPERATIONAL

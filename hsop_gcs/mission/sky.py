@@ -63,7 +63,7 @@ class Sky:
             if host_id in found and aircraft.position_m is not None and aircraft.state.in_air
         )
 
-    def traffic(self, mission: MissionState, now_s: float) -> Traffic:
+    def traffic(self, mission: MissionState, now_s: float, resting: frozenset[str] = frozenset()) -> Traffic:
         """Return everything the traffic rules look at."""
         return Traffic(
             mission=mission,
@@ -71,6 +71,7 @@ class Sky:
             unavailable={host_id: at.reason for host_id, at in self.closed(mission, now_s).items()},
             limits=self._fleet.limits,
             now_s=now_s,
+            resting=resting,
         )
 
     def hosts_m(self) -> dict[str, Point]:

@@ -127,6 +127,8 @@ def replan_reason(
             sharpened = f"threat {track.id} is predicted to {now_m:.1f} m now, {then_m:.1f} m before"
     if all_known and sharpened:
         return sharpened
+    if newest.decision.left_out and now_s > newest.made_at_s + rules.horizon_s:
+        return f"threat {next(iter(newest.decision.left_out))} was left out"
     for order in newest.decision.orders:
         if order.host not in available:
             return f"host {order.host} is not available any more"

@@ -45,6 +45,8 @@ class Traffic:
     unavailable: Mapping[str, str]
     limits: FlightLimits
     now_s: float
+    resting: frozenset[str] = frozenset()
+    """Waiting hosts for which a way was sought in vain a moment ago: seeking one takes long."""
 
     def moves(self) -> Iterator[Move]:
         """Yield what is to be done now, hosts that depart first before those that wait for them."""
@@ -53,7 +55,8 @@ class Traffic:
             if self.aircraft[host].position_m is None:
                 continue
             if progress.status is OrderStatus.WAITING:
-                if self.why_waiting(host) is None and (progress.departures == 0 or self._calm(progress)):
+                rested = progress.departures == 0 or self._calm(progress)
+                if rested and host not in self.resting and self.why_waiting(host) is None:
                     route = self._route(host, progress, threats)
                     if not isinstance(route, str):
                         yield HostDeparted(time_s=self.now_s, host=host, route_m=route)
