@@ -7,18 +7,18 @@ Sources: a recording of 4.7.0-dev; AP_Mount_Backend.cpp.
 import math
 from collections.abc import Callable
 
-from hsop_gcs.link.enums import GimbalFlags, MavCmd, MavFrame, MavResult
+from hsop_gcs.link.enums import GimbalFlags, MavFrame, MavResult
 from hsop_gcs.link.messages import (
     GimbalDeviceAttitudeStatus,
     GimbalManagerInformation,
     GimbalManagerSetAttitude,
     GimbalManagerSetPitchyaw,
-    GimbalManagerStatus,
 )
 from hsop_gcs.simulator.flight import Point
 from hsop_gcs.simulator.gimbal import GimbalLimits, pitch_yaw, quaternion
+from hsop_gcs.simulator.gimbal_manager import LEVEL, GimbalManager
 from hsop_gcs.simulator.orders import Order, whole
-from hsop_gcs.simulator.vehicle import Handler, Sampler, Vehicle
+from hsop_gcs.simulator.vehicle import Vehicle
 
 
 def rest_pitch_rad(limits: GimbalLimits) -> float:
@@ -26,32 +26,15 @@ def rest_pitch_rad(limits: GimbalLimits) -> float:
     return (limits.pitch_min_rad + limits.pitch_max_rad) / 2
 
 
-class ArduPilotGimbalManager:
+class ArduPilotGimbalManager(GimbalManager):
     """Orders to an ArduPilot's gimbal, and its reports.
 
     target: frame, latitude, longitude (degrees) and altitude (m) of an order to local ENU, None where it is refused.
     """
 
     def __init__(self, vehicle: Vehicle, target: Callable[[int, float, float, float], Point | None]) -> None:
-        self._vehicle = vehicle
+        super().__init__(vehicle)
         self._target = target
-
-    @property
-    def commands(self) -> dict[int, Handler]:
-        return {
-            MavCmd.DO_GIMBAL_MANAGER_PITCHYAW: self._pitch_yaw,
-            MavCmd.DO_GIMBAL_MANAGER_CONFIGURE: self._configure,
-            MavCmd.DO_SET_ROI_LOCATION: self._set_roi,
-            MavCmd.DO_SET_ROI_NONE: self._clear_roi,
-        }
-
-    @property
-    def samplers(self) -> dict[int, Sampler]:
-        return {
-            GimbalDeviceAttitudeStatus.ID: self._attitude,
-            GimbalManagerStatus.ID: self._status,
-            GimbalManagerInformation.ID: self._information,
-        }
 
     def set_pitch_yaw(self, message: GimbalManagerSetPitchyaw) -> None:
         rates = (message.pitch_rate, message.yaw_rate)
@@ -118,20 +101,10 @@ class ArduPilotGimbalManager:
             yaw_max=limits.yaw_max_rad,
         )
 
-    def _status(self) -> GimbalManagerStatus:
-        primary = self._vehicle.gimbal.primary
-        return GimbalManagerStatus(
-            time_boot_ms=self._vehicle.boot_ms,
-            flags=GimbalFlags.ROLL_LOCK | GimbalFlags.PITCH_LOCK,
-            gimbal_device_id=1,
-            primary_control_sysid=primary[0],
-            primary_control_compid=primary[1],
-        )
-
     def _attitude(self) -> GimbalDeviceAttitudeStatus:
         """Always against the nose, and it says so; rates and the angle to north are not told."""
         gimbal = self._vehicle.gimbal
-        flags = GimbalFlags.ROLL_LOCK | GimbalFlags.PITCH_LOCK | GimbalFlags.YAW_IN_VEHICLE_FRAME
+        flags = LEVEL | GimbalFlags.YAW_IN_VEHICLE_FRAME
         if gimbal.locked:
             flags |= GimbalFlags.YAW_LOCK
         return GimbalDeviceAttitudeStatus(

@@ -11,39 +11,16 @@ from hsop_gcs.link.messages import (
     GimbalDeviceAttitudeStatus,
     GimbalManagerInformation,
     GimbalManagerSetAttitude,
-    GimbalManagerStatus,
 )
 from hsop_gcs.simulator.gimbal import Identity, pitch_yaw, quaternion
+from hsop_gcs.simulator.gimbal_manager import LEVEL, GimbalManager
 from hsop_gcs.simulator.orders import Order, whole
-from hsop_gcs.simulator.vehicle import Handler, Sampler, Vehicle
 
-_LOCK_FLAGS = GimbalFlags.ROLL_LOCK | GimbalFlags.PITCH_LOCK | GimbalFlags.YAW_LOCK
-_LEVEL = GimbalFlags.ROLL_LOCK | GimbalFlags.PITCH_LOCK
+_LOCK_FLAGS = LEVEL | GimbalFlags.YAW_LOCK
 
 
-class Px4GimbalManager:
+class Px4GimbalManager(GimbalManager):
     """Orders to a PX4's gimbal, and its reports."""
-
-    def __init__(self, vehicle: Vehicle) -> None:
-        self._vehicle = vehicle
-        self._flags = _LEVEL
-
-    @property
-    def commands(self) -> dict[int, Handler]:
-        return {
-            MavCmd.DO_GIMBAL_MANAGER_PITCHYAW: self._pitch_yaw,
-            MavCmd.DO_GIMBAL_MANAGER_CONFIGURE: self._configure,
-            MavCmd.DO_SET_ROI_LOCATION: self._set_roi,
-            MavCmd.DO_SET_ROI_NONE: self._clear_roi,
-        }
-
-    @property
-    def samplers(self) -> dict[int, Sampler]:
-        return {
-            GimbalDeviceAttitudeStatus.ID: self._attitude,
-            GimbalManagerStatus.ID: self._status,
-            GimbalManagerInformation.ID: self._information,
-        }
 
     def set_attitude(self, message: GimbalManagerSetAttitude, sender: Identity) -> None:
         """Obey a stream of attitudes; one that is not the primary controller's is dropped in silence."""
@@ -84,7 +61,7 @@ class Px4GimbalManager:
         self._vehicle.roi = None
         gimbal = self._vehicle.gimbal
         if flags & GimbalFlags.NEUTRAL:
-            self._flags = _LEVEL
+            self._flags = LEVEL
             gimbal.point(pitch_rad=0.0, yaw_rad=0.0, locked=False)
             return
         self._flags = GimbalFlags(flags & _LOCK_FLAGS)
@@ -107,7 +84,7 @@ class Px4GimbalManager:
         if not all(map(math.isfinite, place)):
             return MavResult.DENIED
         self._vehicle.roi = self._vehicle.place_of(*place)
-        self._flags = _LEVEL | GimbalFlags.YAW_LOCK
+        self._flags = LEVEL | GimbalFlags.YAW_LOCK
         return MavResult.ACCEPTED
 
     def _clear_roi(self, order: Order) -> MavResult:  # noqa: ARG002
@@ -127,16 +104,6 @@ class Px4GimbalManager:
             pitch_max=told * pitch[1],
             yaw_min=2.0 * math.degrees(limits.yaw_min_rad),
             yaw_max=2.0 * math.degrees(limits.yaw_max_rad),
-        )
-
-    def _status(self) -> GimbalManagerStatus:
-        primary = self._vehicle.gimbal.primary
-        return GimbalManagerStatus(
-            time_boot_ms=self._vehicle.boot_ms,
-            flags=self._flags,
-            gimbal_device_id=1,
-            primary_control_sysid=primary[0],
-            primary_control_compid=primary[1],
         )
 
     def _attitude(self) -> GimbalDeviceAttitudeStatus:
