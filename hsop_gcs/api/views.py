@@ -28,10 +28,8 @@ from hsop_gcs.api.schemas import (
 )
 from hsop_gcs.assignment import HostOrder
 from hsop_gcs.cameras.rig import CameraKind
-from hsop_gcs.detections import Counts
 from hsop_gcs.fleet import Host
 from hsop_gcs.geometry.frames import Aim, GeodeticPoint
-from hsop_gcs.link.account import VehicleLink
 from hsop_gcs.link.protocol.gimbal import separation_deg
 from hsop_gcs.link.pump import Link
 from hsop_gcs.link.vehicle import Progress
@@ -82,7 +80,7 @@ def _host(host: Host, mission: Mission, closed: Closed | None) -> HostOut:
         unavailable_reason=None if closed is None else closed.reason,
         link_up=state.link_up,
         heard_s_ago=None if state.last_heard_s is None else mission.link.now() - state.last_heard_s,
-        link=_host_link(mission.link.vehicle_link(host.system_id)),
+        link=HostLinkOut.model_validate(mission.link.vehicle_link(host.system_id), from_attributes=True),
         autopilot=state.autopilot,
         firmware=state.firmware,
         armed=state.armed,
@@ -153,7 +151,7 @@ def health_out(mission: Mission, started_at_s: float) -> HealthOut:
         hosts=len(mission.fleet.hosts),
         hosts_available=len(mission.fleet.hosts) - len(unavailable),
         reports=_reports(mission),
-        detections=_detections(mission.state.watch.counts),
+        detections=DetectionCounts.model_validate(mission.state.watch.counts, from_attributes=True),
         planning=PlanningHealth(
             ready=mission.planner_ready,
             plans_made=mission.state.plans.made,
@@ -180,36 +178,6 @@ def _reports(mission: Mission) -> ReportCounts:
             )
             for name, watch in mission.state.picture.sources.items()
         },
-    )
-
-
-def _detections(counts: Counts) -> DetectionCounts:
-    return DetectionCounts(
-        received=counts.received,
-        used=counts.used,
-        bearing_only=counts.bearing_only,
-        fixes=counts.fixes,
-        candidates=counts.candidates,
-        ambiguous=counts.ambiguous,
-        unexplained=counts.unexplained,
-        refused=dict(counts.refused),
-    )
-
-
-def _host_link(link: VehicleLink) -> HostLinkOut:
-    return HostLinkOut(
-        address=None if link.peer is None else link.peer.address,
-        claimants=list(link.claimants),
-        received=link.received,
-        rate_hz=link.rate_hz,
-        lost=link.lost,
-        loss=link.loss,
-        bad_frames=link.bad_frames,
-        refused=link.refused,
-        signature_refused=link.signature_refused,
-        round_trip_ms=None if link.round_trip_s is None else 1e3 * link.round_trip_s,
-        commands_resent=link.commands_resent,
-        command_noise=link.command_noise,
     )
 
 

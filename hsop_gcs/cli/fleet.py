@@ -1,7 +1,7 @@
 """``hsop-gcs fleet``: what is heard of the fleet, live: from a running service, or from the links themselves."""
 
 from collections.abc import AsyncIterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 _EVERY_S = 1.0
 _LISTEN_S = 3.0
 """So long a single look at the links takes: heartbeats come once a second."""
+_OF_THE_VEHICLE = ("autopilot", "firmware", "link_up", "battery_percent", "mode", "armed", "in_air")
+_OF_ITS_LINK = ("rate_hz", "loss", "round_trip_ms")
+"""What a row shows of either, under the names that the service's answer has, too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +69,6 @@ def register(app: typer.Typer) -> None:
 async def _show(looks: AsyncIterator[list[Row]], *, as_json: bool, once: bool) -> None:
     import json
     from contextlib import nullcontext
-    from dataclasses import asdict
 
     from rich.console import Console
     from rich.live import Live
@@ -102,11 +104,11 @@ async def _from_service(url: str, *, once: bool) -> AsyncIterator[list[Row]]:
 
 def _row_of_answer(host: dict[str, Any]) -> Row:
     link, order, position = host["link"], host["order"] or {}, host["position"] or {}
-    same = ("system_id", "autopilot", "firmware", "link_up", "battery_percent", "mode", "armed", "in_air")
     return Row(
         host=host["id"],
-        **{name: host[name] for name in same},
-        **{name: link[name] for name in ("rate_hz", "loss", "round_trip_ms")},
+        system_id=host["system_id"],
+        **{name: host[name] for name in _OF_THE_VEHICLE},
+        **{name: link[name] for name in _OF_ITS_LINK},
         **position,
         order=order.get("status"),
         note=host["unavailable_reason"] or order.get("note") or None,
@@ -134,25 +136,15 @@ async def _from_links(config: Path, *, once: bool) -> AsyncIterator[list[Row]]:
 
 
 def _row_of_host(host: "Host", link: "Link") -> Row:
+
     vehicle, share = link.vehicles[host.system_id], link.vehicle_link(host.system_id)
-    state = vehicle.state
-    place = state.position
+    position = vehicle.state.position
     return Row(
         host=host.id,
         system_id=host.system_id,
-        autopilot=state.autopilot,
-        firmware=state.firmware,
-        link_up=state.link_up,
-        rate_hz=share.rate_hz,
-        loss=share.loss,
-        round_trip_ms=None if share.round_trip_s is None else 1e3 * share.round_trip_s,
-        battery_percent=state.battery_percent,
-        mode=state.mode,
-        armed=state.armed,
-        in_air=state.in_air,
-        lat_deg=None if place is None else place.lat_deg,
-        lon_deg=None if place is None else place.lon_deg,
-        altitude_amsl_m=None if place is None else place.altitude_amsl_m,
+        **{name: getattr(vehicle.state, name) for name in _OF_THE_VEHICLE},
+        **{name: getattr(share, name) for name in _OF_ITS_LINK},
+        **({} if position is None else asdict(position)),
         note=vehicle.why_not_ready(link.now()),
     )
 

@@ -63,6 +63,14 @@ class VehicleLink:
     commands_resent: int
     command_noise: int
 
+    @property
+    def address(self) -> str | None:
+        return None if self.peer is None else self.peer.address
+
+    @property
+    def round_trip_ms(self) -> float | None:
+        return None if self.round_trip_s is None else 1e3 * self.round_trip_s
+
 
 class Account:
     """One vehicle's account."""
