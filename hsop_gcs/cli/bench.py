@@ -1,14 +1,17 @@
 """``hsop-gcs bench``: quality and time, in one run."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hsop_gcs.cli.bench_link import link
-from hsop_gcs.errors import BadInput
+from hsop_gcs.cli.bench_machine import this_machine
+from hsop_gcs.cli.output_file import require_directory
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from hsop_gcs.bench.measure import Report
 
 commands = typer.Typer(
@@ -27,24 +30,14 @@ def placement(
     json_file: Annotated[Path | None, typer.Option("--json", help="Write what was measured here.")] = None,
 ) -> None:
     """Compare the global search with the letter's method, differential evolution and IPOPT at equal time."""
-    import json
-    import os
-    import platform
-
     from rich.console import Console
     from rich.progress import Progress
 
     from hsop_gcs.bench.measure import FULL, QUICK, measure, steps
 
-    if json_file is not None and not json_file.parent.is_dir():
-        raise BadInput("--json", f"{json_file}: there is no directory {json_file.parent}")
+    require_directory("--json", json_file)
     effort = QUICK if quick else FULL
-    machine: dict[str, Any] = {
-        "machine": platform.machine(),
-        "cores": os.cpu_count(),
-        "python": platform.python_version(),
-        "load_before": [round(each, 2) for each in os.getloadavg()],
-    }
+    machine = this_machine()
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("warming up", total=steps(effort))
         done = -1
@@ -55,25 +48,15 @@ def placement(
             progress.update(task, description=what, completed=done)
 
         report = measure(effort, step=step)
-    if json_file is not None:
-        try:
-            json_file.write_text(json.dumps(machine | report.to_json(), indent=2) + "\n", encoding="utf-8")
-        except OSError as error:
-            raise BadInput("--json", f"{json_file} cannot be written: {error.strerror or error}") from None
     _print(report, Console())
-    typer.echo(
-        f"{machine['machine']}, {machine['cores']} cores, Python {machine['python']},"
-        f" load {machine['load_before'][0]:g} before it began"
-    )
+    machine.tell(report.to_json(), json_file)
 
 
-def _print(report: "Report", console: object) -> None:
-    from rich.console import Console
+def _print(report: "Report", console: "Console") -> None:
     from rich.table import Table
 
     from hsop_gcs.bench.measure import best_of, rows
 
-    assert isinstance(console, Console)
     names = [run.contender for run in report.comparisons[0].runs]
     table = Table(title=f"Cost over the least found, {report.effort.time_limit_s:g} s each")
     for heading in ("case", "hosts", *names, "letter uncut", "in s", "letter's cost after s"):

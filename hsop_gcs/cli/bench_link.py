@@ -1,13 +1,17 @@
 """``hsop-gcs bench link``: what a large fleet costs the service, and how fast a report becomes a waypoint."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hsop_gcs.cli.bench_machine import this_machine
+from hsop_gcs.cli.output_file import require_directory
 from hsop_gcs.errors import BadInput
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from hsop_gcs.bench.link import Result
 
 
@@ -19,10 +23,6 @@ def link(
     json_file: Annotated[Path | None, typer.Option("--json", help="Write what was measured here.")] = None,
 ) -> None:
     """Run the service beside a fleet in a process of its own: its cost, its delays, and report to first waypoint."""
-    import json
-    import os
-    import platform
-
     from rich.console import Console
 
     from hsop_gcs.bench.link import measure
@@ -33,33 +33,17 @@ def link(
         raise BadInput("--duration", f"{duration} is not between 1 and 86400 s")
     if not 0 <= reports <= 10_000:
         raise BadInput("--reports", f"{reports} is not between 0 and 10000")
-    if json_file is not None and not json_file.parent.is_dir():
-        raise BadInput("--json", f"{json_file}: there is no directory {json_file.parent}")
-    machine: dict[str, Any] = {
-        "machine": platform.machine(),
-        "cores": os.cpu_count(),
-        "python": platform.python_version(),
-        "load_before": [round(each, 2) for each in os.getloadavg()],
-    }
+    require_directory("--json", json_file)
+    machine = this_machine()
     with Console(stderr=True).status("beginning") as status:
         result = measure(vehicles=vehicles, duration_s=duration, reports=reports, seed=seed, step=status.update)
-    if json_file is not None:
-        try:
-            json_file.write_text(json.dumps(machine | result.to_json(), indent=2) + "\n", encoding="utf-8")
-        except OSError as error:
-            raise BadInput("--json", f"{json_file} cannot be written: {error.strerror or error}") from None
     _print(result, Console())
-    typer.echo(
-        f"{machine['machine']}, {machine['cores']} cores, Python {machine['python']},"
-        f" load {machine['load_before'][0]:g} before it began"
-    )
+    machine.tell(result.to_json(), json_file)
 
 
-def _print(result: "Result", console: object) -> None:
-    from rich.console import Console
+def _print(result: "Result", console: "Console") -> None:
     from rich.table import Table
 
-    assert isinstance(console, Console)
     load, latency = result.load, result.report_to_waypoint
     spreads = {}
     if load is not None:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hsop_gcs.cli.output_file import require_directory, write
 from hsop_gcs.errors import BadInput
 
 if TYPE_CHECKING:
@@ -95,9 +96,8 @@ def register(app: typer.Typer) -> None:
             raise BadInput("--iterations", f"must be 1 or more, not {iterations}")
         if target_error is not None and not 0 < target_error <= 1e6:
             raise BadInput("--target-error", f"must be above 0 and at most 1000000 m, not {target_error!r}")
-        for option, path in (("--output", output), ("--plot", plot)):
-            if path is not None and not path.parent.is_dir():
-                raise BadInput(option, f"{path}: there is no directory {path.parent}")
+        require_directory("--output", output)
+        require_directory("--plot", plot)
         wanted = None if method is None else Method(_one_of("--method", method, list(Method)))
         if iterations is not None and wanted not in (None, Method.SEARCH):
             raise BadInput("--iterations", f"method {wanted} has no rounds to count")
@@ -131,7 +131,7 @@ def register(app: typer.Typer) -> None:
         )
         text = json.dumps(plan_to_json(placement), indent=2)
         if output is not None:
-            _write(output, text + "\n")
+            write(output, text + "\n")
         if as_json:
             typer.echo(text)
         if placement.status is Status.INFEASIBLE:
@@ -169,7 +169,7 @@ def _frontier(
     placements = frontier(problem, seed=seed, time_limit_s=time_limit_s, iterations=iterations, now=time.monotonic)
     text = json.dumps(frontier_to_json(placements), indent=2)
     if output is not None:
-        _write(output, text + "\n")
+        write(output, text + "\n")
     if as_json:
         typer.echo(text)
     if not placements:
@@ -205,13 +205,6 @@ def _read(source: str) -> str:
         raise BadInput(source, error.strerror or str(error)) from None
     except UnicodeDecodeError as error:
         raise BadInput(source, f"not UTF-8 text: byte {error.start}") from None
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise BadInput(str(path), f"cannot be written: {error.strerror or error}") from None
 
 
 def _print_tables(problem: "Problem", placement: "Placement") -> None:

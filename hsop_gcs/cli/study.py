@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hsop_gcs.cli.output_file import require_directory, write
 from hsop_gcs.errors import BadInput
 
 if TYPE_CHECKING:
@@ -61,8 +62,7 @@ def letter(
     )
     if resume and out is None:
         raise BadInput("--resume", "names nothing to go on with; give the directory with --out")
-    if json_file is not None and not json_file.parent.is_dir():
-        raise BadInput("--json", f"{json_file}: there is no directory {json_file.parent}")
+    require_directory("--json", json_file)
     results = Results(study, None if out is None else out / "trials.jsonl")
     results.begin(resume=resume)
     records, seconds = _run(results, jobs, dask)
@@ -86,6 +86,7 @@ def sensitivity(
     from hsop_gcs.study.sensitivity import outcome, table_line, table_title, variants
     from hsop_gcs.study.trial import Study
 
+    require_directory("--json", json_file)
     counts = tuple(_whole(text, "--threats") for text in threats.split(","))
     outcomes = []
     typer.echo(table_title())
@@ -103,7 +104,7 @@ def sensitivity(
         outcomes.append(outcome(variant, records))
         typer.echo(table_line(outcomes[-1]))
     if json_file is not None:
-        _write(json_file, json.dumps([found.as_json() for found in outcomes], indent=1) + "\n")
+        write(json_file, json.dumps([found.as_json() for found in outcomes], indent=1) + "\n")
 
 
 def _run(results: "Results", jobs: int | None, dask: str | None) -> "tuple[list[Record], float]":
@@ -144,9 +145,9 @@ def _report(study: "Study", records: "list[Record]", seconds: float, json_file: 
     content = {"study": study.as_json(), "rows": [row.as_json() for row in table]}
     for path in [json_file, None if out is None else out / "rows.json"]:
         if path is not None:
-            _write(path, json.dumps(content, indent=1) + "\n")
+            write(path, json.dumps(content, indent=1) + "\n")
     if out is not None:
-        _write(out / "study.md", text)
+        write(out / "study.md", text)
 
 
 def _claims(found: "list[Claim]") -> str:
@@ -160,10 +161,3 @@ def _whole(text: str, option: str) -> int:
         return int(text)
     except ValueError:
         raise BadInput(option, f"{text!r} is not a whole number") from None
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise BadInput(str(path), f"cannot be written: {error.strerror or error}") from None
