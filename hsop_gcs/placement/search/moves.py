@@ -6,8 +6,32 @@ from hsop_gcs.placement.search.areas import back_inside
 from hsop_gcs.placement.search.chance import State as Chance
 from hsop_gcs.placement.search.chance import bell, below, uniform
 from hsop_gcs.placement.search.compiled import lean_kernel
-from hsop_gcs.placement.search.model import Floats, Ints, Question, crowding, edge_energy, host_violation, path_offset
-from hsop_gcs.placement.search.state import State, left_over, refresh_host, refresh_threat, set_view, totals
+from hsop_gcs.placement.search.model import Floats, Ints, Question, crowding, path_offset
+from hsop_gcs.placement.search.state import (
+    State,
+    left_over,
+    pose_of,
+    refresh_host,
+    refresh_threat,
+    set_pose,
+    set_view,
+    threat_energy,
+    totals,
+    window_violation,
+)
+
+
+@lean_kernel
+def push_out(s: State, host: int, x: float, y: float, z: float, radius: float) -> bool:
+    """Push a host that is at (x, y, z) from the middle of a zone out of it; return whether it was inside."""
+    d = math.sqrt(x * x + y * y + z * z)
+    if d < radius * (1 - 1e-9) and d > 1e-6:
+        push = radius / d - 1
+        s.positions[host, 0] += push * x
+        s.positions[host, 1] += push * y
+        s.positions[host, 2] += push * z
+        return True
+    return False
 
 
 @lean_kernel
@@ -21,13 +45,7 @@ def keep_clear(q: Question, s: State, host: int) -> None:
                 x, y, z = path_offset(
                     q.paths_m, threat, s.positions[host, 0], s.positions[host, 1], s.positions[host, 2]
                 )
-                d = math.sqrt(x * x + y * y + z * z)
-                if d < radius * (1 - 1e-9) and d > 1e-6:
-                    push = radius / d - 1
-                    s.positions[host, 0] += push * x
-                    s.positions[host, 1] += push * y
-                    s.positions[host, 2] += push * z
-                    moved = True
+                moved |= push_out(s, host, x, y, z, radius)
         else:
             for n in range(s.degree[host]):
                 threat = s.incident[host, n] // 2
@@ -35,13 +53,7 @@ def keep_clear(q: Question, s: State, host: int) -> None:
                     x = s.positions[host, 0] - q.points_m[threat, k, 0]
                     y = s.positions[host, 1] - q.points_m[threat, k, 1]
                     z = s.positions[host, 2] - q.points_m[threat, k, 2]
-                    d = math.sqrt(x * x + y * y + z * z)
-                    if d < radius * (1 - 1e-9) and d > 1e-6:
-                        push = radius / d - 1
-                        s.positions[host, 0] += push * x
-                        s.positions[host, 1] += push * y
-                        s.positions[host, 2] += push * z
-                        moved = True
+                    moved |= push_out(s, host, x, y, z, radius)
         if q.areas.shape[0] > 0:
             x, y, z = s.positions[host, 0], s.positions[host, 1], s.positions[host, 2]
             x, y, z = back_inside(q.sides_m, q.areas, x, y, z)
@@ -151,26 +163,15 @@ def try_pose(
     q: Question, s: State, host: int, reach_m: float, penalty: float, temperature: float, chance: Chance, trial: Floats
 ) -> tuple[float, float]:
     """Propose a pose and take it or not (Metropolis). Returns the change of cost and of violation."""
-    px, py, pz = s.positions[host, 0], s.positions[host, 1], s.positions[host, 2]
-    ax, ay = s.axes[host, 0], s.axes[host, 1]
+    kept = pose_of(s, host)
     crowd = crowding(q, s.positions, host)
     propose_pose(q, s, host, reach_m, chance)
-    window = host_violation(q, s.positions, s.axes, s.rigs, host, s.incident[host], s.degree[host], s.cameras)
+    window = window_violation(q, s, host)
     more_cost = 0.0
     more_violation = window - s.window[host] + crowding(q, s.positions, host) - crowd
     for n in range(s.degree[host]):
         threat = s.incident[host, n] // 2
-        trial[n, 0], trial[n, 1] = edge_energy(
-            q,
-            s.positions,
-            s.axes,
-            s.rigs,
-            threat,
-            s.pairs[threat, 0],
-            s.pairs[threat, 1],
-            s.cameras[threat, 0],
-            s.cameras[threat, 1],
-        )
+        trial[n, 0], trial[n, 1] = threat_energy(q, s, threat)
         more_cost += trial[n, 0] - s.cost[threat]
         more_violation += trial[n, 1] - s.violation[threat]
     if accepted(more_cost + penalty * more_violation, temperature, chance):
@@ -180,8 +181,7 @@ def try_pose(
             s.cost[threat] = trial[n, 0]
             s.violation[threat] = trial[n, 1]
         return more_cost, more_violation
-    s.positions[host, 0], s.positions[host, 1], s.positions[host, 2] = px, py, pz
-    s.axes[host, 0], s.axes[host, 1] = ax, ay
+    set_pose(s, host, kept)
     return 0.0, 0.0
 
 
@@ -225,10 +225,7 @@ def try_regroup(
     set_view(s, threat, end, new, below(chance, 2))
     if other_threat >= 0:
         set_view(s, other_threat, other_end, old, below(chance, 2))
-    kept = (
-        s.positions[old, 0], s.positions[old, 1], s.positions[old, 2], s.axes[old, 0], s.axes[old, 1],
-        s.positions[new, 0], s.positions[new, 1], s.positions[new, 2], s.axes[new, 0], s.axes[new, 1],
-    )  # fmt: skip
+    old_pose, new_pose = pose_of(s, old), pose_of(s, new)
     if other_threat >= 0 and uniform(chance) < 0.7:
         jump(q, s, old, other_threat, other_end, chance)
     keep_clear(q, s, old)
@@ -246,8 +243,8 @@ def try_regroup(
     if other_threat >= 0:
         set_view(s, other_threat, other_end, freed, saved_other)
     set_view(s, threat, end, old, saved_camera)
-    s.positions[old, 0], s.positions[old, 1], s.positions[old, 2], s.axes[old, 0], s.axes[old, 1] = kept[:5]
-    s.positions[new, 0], s.positions[new, 1], s.positions[new, 2], s.axes[new, 0], s.axes[new, 1] = kept[5:]
+    set_pose(s, old, old_pose)
+    set_pose(s, new, new_pose)
     refresh_host(q, s, old)
     refresh_host(q, s, new)
     if freed >= 0:
@@ -264,7 +261,7 @@ def try_camera(
     cost, violation, window = s.cost[threat], s.violation[threat], s.window[host]
     s.cameras[threat, end] = 1 - s.cameras[threat, end]
     refresh_threat(q, s, threat)
-    s.window[host] = host_violation(q, s.positions, s.axes, s.rigs, host, s.incident[host], s.degree[host], s.cameras)
+    s.window[host] = window_violation(q, s, host)
     more_cost = s.cost[threat] - cost
     more_violation = s.violation[threat] - violation + s.window[host] - window
     if accepted(more_cost + penalty * more_violation, temperature, chance):
@@ -296,10 +293,7 @@ def try_rig(
     if new == old:
         return 0.0, 0.0
     cost, violation = totals(q, s)
-    kept = (
-        s.positions[host, 0], s.positions[host, 1], s.positions[host, 2], s.axes[host, 0], s.axes[host, 1],
-        s.positions[other, 0], s.positions[other, 1], s.positions[other, 2], s.axes[other, 0], s.axes[other, 1],
-    )  # fmt: skip
+    pose, other_pose = pose_of(s, host), pose_of(s, other)
     s.rigs[other] = old
     s.rigs[host] = new
     refresh_host(q, s, host)
@@ -312,8 +306,8 @@ def try_rig(
         return more_cost, more_violation
     s.rigs[other] = new
     s.rigs[host] = old
-    s.positions[other, 0], s.positions[other, 1], s.positions[other, 2], s.axes[other, 0], s.axes[other, 1] = kept[5:]
-    s.positions[host, 0], s.positions[host, 1], s.positions[host, 2], s.axes[host, 0], s.axes[host, 1] = kept[:5]
+    set_pose(s, other, other_pose)
+    set_pose(s, host, pose)
     refresh_host(q, s, host)
     refresh_host(q, s, other)
     return 0.0, 0.0

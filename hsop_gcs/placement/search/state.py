@@ -10,6 +10,9 @@ import numpy as np
 from hsop_gcs.placement.search.compiled import kernel, lean_kernel
 from hsop_gcs.placement.search.model import Floats, Ints, Question, crowding, edge_energy, host_violation
 
+Pose = tuple[float, float, float, float, float]
+"""East, north, up, metres; east and north of the fisheye axis."""
+
 
 class State(NamedTuple):
     """A placement, valid or not, and the energies of its parts; the arrays are changed in place."""
@@ -87,9 +90,21 @@ def set_view(s: State, threat: int, end: int, host: int, camera: int) -> None:
 
 
 @lean_kernel
-def refresh_threat(q: Question, s: State, threat: int) -> None:
-    """Recompute the energy of a threat."""
-    s.cost[threat], s.violation[threat] = edge_energy(
+def pose_of(s: State, host: int) -> Pose:
+    """Return where a host is and how it is turned."""
+    return s.positions[host, 0], s.positions[host, 1], s.positions[host, 2], s.axes[host, 0], s.axes[host, 1]
+
+
+@lean_kernel
+def set_pose(s: State, host: int, pose: Pose) -> None:
+    """Put a host where it was, turned as it was."""
+    s.positions[host, 0], s.positions[host, 1], s.positions[host, 2], s.axes[host, 0], s.axes[host, 1] = pose
+
+
+@lean_kernel
+def threat_energy(q: Question, s: State, threat: int) -> tuple[float, float]:
+    """Return cost and violation of a threat as its hosts stand now."""
+    return edge_energy(
         q,
         s.positions,
         s.axes,
@@ -103,11 +118,23 @@ def refresh_threat(q: Question, s: State, threat: int) -> None:
 
 
 @lean_kernel
+def window_violation(q: Question, s: State, host: int) -> float:
+    """Return the violation of a host by itself as it stands now."""
+    return host_violation(q, s.positions, s.axes, s.rigs, host, s.incident[host], s.degree[host], s.cameras)
+
+
+@lean_kernel
+def refresh_threat(q: Question, s: State, threat: int) -> None:
+    """Recompute the energy of a threat."""
+    s.cost[threat], s.violation[threat] = threat_energy(q, s, threat)
+
+
+@lean_kernel
 def refresh_host(q: Question, s: State, host: int) -> None:
     """Recompute everything a host's pose and views decide, crowding excepted."""
     for n in range(s.degree[host]):
         refresh_threat(q, s, s.incident[host, n] // 2)
-    s.window[host] = host_violation(q, s.positions, s.axes, s.rigs, host, s.incident[host], s.degree[host], s.cameras)
+    s.window[host] = window_violation(q, s, host)
 
 
 @lean_kernel
@@ -116,9 +143,7 @@ def refresh(q: Question, s: State) -> None:
     for threat in range(s.pairs.shape[0]):
         refresh_threat(q, s, threat)
     for host in range(s.degree.shape[0]):
-        s.window[host] = host_violation(
-            q, s.positions, s.axes, s.rigs, host, s.incident[host], s.degree[host], s.cameras
-        )
+        s.window[host] = window_violation(q, s, host)
 
 
 @lean_kernel
