@@ -17,11 +17,11 @@ from pydantic import BaseModel, ConfigDict, Field
 from hsop_gcs.api.problems import MEDIA_TYPE
 from hsop_gcs.api.schemas import Number
 from hsop_gcs.errors import BadInput, Unavailable
-from hsop_gcs.mission.solver import end, worker
 from hsop_gcs.placement import place
 from hsop_gcs.placement.frontier import frontier, frontier_to_json
 from hsop_gcs.placement.problem import Formulation, Objective, Problem
 from hsop_gcs.placement.scenario import plan_to_json, problem_from_json
+from hsop_gcs.workers import end, workers
 
 MAX_THREATS = 50
 MAX_AT_ONCE = 3
@@ -80,7 +80,7 @@ class WhatIf:
         """
         if self._asked >= MAX_AT_ONCE:
             raise Unavailable(f"{self._asked} what-if placements are being made or wait; ask again when they are done")
-        self._pool = self._pool or worker(niceness=NICENESS)
+        self._pool = self._pool or workers(niceness=NICENESS)
         self._asked += 1
         try:
             async with asyncio.timeout(MAX_AT_ONCE * (question.time_limit_s + _PATIENCE_S)):

@@ -1,18 +1,13 @@
 """Decisions made outside the event loop: one worker process that solves while reports and telemetry go on."""
 
 import asyncio
-import os
-import threading
 import time
-from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context, parent_process
 
 from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation, decide
 from hsop_gcs.placement.search import warm_up, warm_up_beside
+from hsop_gcs.workers import SPAWN, end, end_with_parent, workers
 
-_SPAWN = get_context("spawn")
-"""The service's threads and sockets must not be copied into a worker."""
 _PATIENCE_S = 30.0
 """On top of its time limit; after that the worker counts as hung."""
 
@@ -49,9 +44,9 @@ class Solver:
         return self._warm.done()
 
     def _start(self) -> None:
-        self._pool = worker()
+        self._pool = workers()
         self._warm = self._pool.submit(warm_up)
-        self._beside = _SPAWN.Process(target=_warm_up_beside, daemon=True)
+        self._beside = SPAWN.Process(target=_warm_up_beside, daemon=True)
         self._beside.start()
 
     def _end(self) -> None:
@@ -60,34 +55,8 @@ class Solver:
         self._beside.join()
 
 
-def worker(*, niceness: int = 0) -> ProcessPoolExecutor:
-    """Return a pool of one process that ends with this one, however this one ends."""
-    return ProcessPoolExecutor(max_workers=1, mp_context=_SPAWN, initializer=_prepare, initargs=(niceness,))
-
-
-def end(pool: ProcessPoolExecutor) -> None:
-    """End a pool's process. What it still works on is not waited for: the answer has nowhere to go."""
-    processes = list((pool._processes or {}).values())
-    pool.shutdown(wait=False, cancel_futures=True)
-    for process in processes:
-        process.terminate()
-        process.join()
-
-
-def _prepare(niceness: int) -> None:
-    os.nice(niceness)
-    parent = parent_process()
-    assert parent is not None
-
-    def wait() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=wait, daemon=True).start()
-
-
 def _warm_up_beside() -> None:
-    _prepare(0)
+    end_with_parent()
     warm_up_beside()
 
 

@@ -6,9 +6,8 @@ but its own situation.
 
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +24,7 @@ from hsop_gcs.mission.core import (
 from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation, decide
 from hsop_gcs.mission.records import read_inputs, to_record
 from hsop_gcs.placement.solution import Status
+from hsop_gcs.workers import workers
 
 _UNTIL_THE_END = float("inf")
 
@@ -71,7 +71,7 @@ def replay(
     differences: list[Difference] = []
     checks: list[tuple[int, DecisionMade, Future[Decision]]] = []
     state, entries, reports, detections, first_s, last_s = MissionState(), 0, 0, 0, None, 0.0
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+    with workers(jobs) as pool:
         for number, given in read_inputs(path):
             first_s = given.time_s if first_s is None else first_s
             last_s, entries = given.time_s, number

@@ -1,16 +1,16 @@
 """Runs the trials of a study here, on a pool of processes, or on a Dask cluster: the same results each time."""
 
 from collections.abc import Callable, Generator
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, wait
 from contextlib import closing
 from importlib import import_module
 from itertools import islice
-from multiprocessing import get_context
 from typing import Any
 
 from hsop_gcs.errors import Unavailable
 from hsop_gcs.study.results import Results
 from hsop_gcs.study.trial import Record, Study, Trial, run_trial
+from hsop_gcs.workers import workers
 
 IN_FLIGHT = 4
 """Trials handed out per worker, so that an interrupted run has little unfinished."""
@@ -50,9 +50,9 @@ def run(
 
 
 def _on_processes(study: Study, trials: list[Trial], jobs: int) -> Generator[Record, None, None]:
-    """Yield records as they are finished. New processes, not forked ones: the kernels run threads."""
+    """Yield records as they are finished."""
     waiting = iter(trials)
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+    with workers(jobs) as pool:
         running = {pool.submit(run_trial, study, trial) for trial in islice(waiting, IN_FLIGHT * jobs)}
         try:
             while running:

@@ -2,6 +2,9 @@
 
 import os
 import signal
+import subprocess
+import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +16,7 @@ from hsop_gcs.study.engine import run
 from hsop_gcs.study.placements import Kind
 from hsop_gcs.study.results import Results
 from hsop_gcs.study.trial import Record, Study
+from tests.service import wait_until
 
 STUDY = Study(threats=(2,), scenarios=6, draws=200, rounds=1, seed=5, kinds=(Kind.HSOP, Kind.COVERAGE_ONLY))
 
@@ -57,6 +61,22 @@ def test_an_interrupted_study_goes_on_where_it_stopped(tmp_path: Path, records: 
     finished = Results(STUDY, path)
     finished.begin(resume=True)
     assert finished.records == records
+
+
+def test_a_study_that_was_killed_leaves_no_process_and_goes_on_to_the_same_numbers(tmp_path: Path) -> None:
+    path = tmp_path / "trials.jsonl"
+    command = [sys.executable, "-m", "hsop_gcs", "study", "letter", "--threats", "2", "--scenarios", "16"]
+    command += ["--draws", "200", "--rounds", "1", "--seed", "5", "--placement", "hsop,coverage-only"]
+    with subprocess.Popen([*command, "--jobs", "2", "--out", str(tmp_path)], stdout=subprocess.PIPE) as process:
+        wait_until(lambda: path.exists() and len(path.read_bytes().splitlines()) > 2)
+        process.kill()
+        assert process.communicate(timeout=60)[0] == b""  # the pipe ends with the last worker that holds it
+    assert process.returncode == -signal.SIGKILL
+    whole = replace(STUDY, scenarios=16)
+    again = Results(whole, path)
+    again.begin(resume=True)
+    assert 0 < len(again.missing) < 16
+    assert run(again) == run(Results(whole, None))
 
 
 def test_results_of_other_assumptions_are_not_gone_on_with(tmp_path: Path) -> None:
