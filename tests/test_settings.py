@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from hsop_gcs.errors import BadInput
+from hsop_gcs.mission.core import Rules
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.settings import check_settings, read_settings
 
@@ -38,6 +39,7 @@ def test_what_is_not_said_has_the_letters_values_and_nothing_moves_unapproved(tm
     path = tmp_path / "FLEET.toml"
     path.write_text(GOOD)
     settings = read_settings(path)
+    assert settings.to_rules() == Rules()
     assert settings.service.autonomy is Autonomy.CONFIRM
     rules = settings.to_planning_rules()
     assert (rules.horizon_s, rules.safety_distance_m, rules.formulation) == (10.0, 20.0, "operational")
