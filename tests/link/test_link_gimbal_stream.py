@@ -5,7 +5,7 @@ from itertools import pairwise
 from hsop_gcs.geometry.frames import Aim
 from hsop_gcs.link.enums import MavCmd
 from hsop_gcs.link.events import OnStation
-from tests.link.test_link_vehicle import BOTH, Stack, TwoEnds
+from tests.link.two_ends import BOTH, Stack, TwoEnds
 
 TICK_S = 0.205
 """Of the mission: a fifth of a second, and what its work takes."""
