@@ -39,6 +39,7 @@ from hsop_gcs.link.messages import (
 )
 from hsop_gcs.simulator.ardupilot_gimbal import ArduPilotGimbalManager, rest_pitch_rad
 from hsop_gcs.simulator.ardupilot_modes import ARMABLE, POSITION_FREE, Mode, base_mode
+from hsop_gcs.simulator.ardupilot_parameters import battery_failsafe, battery_thresholds, fresh_parameters
 from hsop_gcs.simulator.ardupilot_reports import FRESH_LINK_HZ, reports, streams_of
 from hsop_gcs.simulator.battery import Thresholds
 from hsop_gcs.simulator.body import VehicleConfig
@@ -46,7 +47,6 @@ from hsop_gcs.simulator.faults import FaultKind
 from hsop_gcs.simulator.flight import FlightGoal, Point
 from hsop_gcs.simulator.gimbal import GimbalLimits, Identity
 from hsop_gcs.simulator.orders import Order, whole
-from hsop_gcs.simulator.parameters import INT8, Parameter, Parameters
 from hsop_gcs.simulator.telemetry import e7
 from hsop_gcs.simulator.vehicle import Vehicle
 
@@ -63,7 +63,6 @@ _X, _V, _A = 0x007, 0x038, 0x1C0
 """The three ignore bits of position, velocity and acceleration; one of them set drops its whole group."""
 _FIRST_COMPLAINT_S, _COMPLAINT_EVERY_S = 6.4, 30.0
 _DISARM_IDLE_S = 10.0
-_ACT_LAND, _ACT_RTL = 1, 2
 _YAW_ALIGNED_M = 2.6
 _FORCE = {2989, 21196}
 _NOSE_TO_COURSE_BEYOND_M = 2.0
@@ -86,23 +85,7 @@ class ArduCopter(Vehicle):
         self._yaw_aligned = config.airborne_m > 0
         self._complain_at = now + _FIRST_COMPLAINT_S
         self._gimbal_manager = ArduPilotGimbalManager(self, self._target)
-        parameters = Parameters(
-            {
-                "SYSID_THISMAV": Parameter(config.system, INT8),
-                "WPNAV_SPEED": Parameter(config.flight.cruise_mps * 100),
-                "WP_YAW_BEHAVIOR": Parameter(2, INT8),
-                "RTL_ALT": Parameter(1500),
-                "FENCE_ENABLE": Parameter(0, INT8),
-                "FENCE_RADIUS": Parameter(300.0),
-                "BATT_CAPACITY": Parameter(config.battery.capacity_mah),
-                "BATT_LOW_MAH": Parameter(0.2 * config.battery.capacity_mah),
-                "BATT_CRT_MAH": Parameter(0.1 * config.battery.capacity_mah),
-                "BATT_FS_LOW_ACT": Parameter(_ACT_RTL, INT8),
-                "BATT_FS_CRT_ACT": Parameter(_ACT_LAND, INT8),
-            },
-            bytewise=False,
-        )
-        super().__init__(config, parameters, {message: 1.0 / hz for message, hz in FRESH_LINK_HZ.items()}, rng, now)
+        super().__init__(config, fresh_parameters(config), FRESH_LINK_HZ, rng, now)
         self._samplers |= reports(self) | self._gimbal_manager.samplers
         self._samplers[PositionTargetGlobalInt.ID] = self._position_target
         self._commands |= {
@@ -149,17 +132,12 @@ class ArduCopter(Vehicle):
             self.say("EKF Failsafe: changed to Land Mode", MavSeverity.CRITICAL)
 
     def battery_thresholds(self) -> Thresholds:
-        low, critical = (
-            100 * self.parameters[name] / self.parameters["BATT_CAPACITY"] for name in ("BATT_LOW_MAH", "BATT_CRT_MAH")
-        )
-        return Thresholds(low=low, critical=critical)
+        return battery_thresholds(self.parameters)
 
     def battery_fell(self) -> None:
-        """Tell it and do what BATT_FS_LOW_ACT and BATT_FS_CRT_ACT say: nothing, land or return."""
         low = self.battery.level == MavBatteryChargeState.LOW
         self.say(f"Battery 1 is {'low' if low else 'critical'} {self.battery}", MavSeverity.WARNING)
-        modes = {_ACT_LAND: Mode.LAND, _ACT_RTL: Mode.RTL}
-        mode = modes.get(round(self.parameters["BATT_FS_LOW_ACT" if low else "BATT_FS_CRT_ACT"]))
+        mode = battery_failsafe(self.parameters, self.battery.level)
         if mode is not None:
             self._enter(mode)
 

@@ -90,7 +90,7 @@ class Px4(Vehicle):
             },
             bytewise=True,
         )
-        super().__init__(config, parameters, {message: 1.0 / hz for message, hz in FRESH_LINK_HZ.items()}, rng, now)
+        super().__init__(config, parameters, FRESH_LINK_HZ, rng, now)
         self._samplers |= reports(self) | self._gimbal_manager.samplers
         self._commands |= {
             MavCmd.COMPONENT_ARM_DISARM: self._arm_disarm,

@@ -8,7 +8,7 @@ their stack answers; what both share stands here once. An order that is not in t
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -62,7 +62,7 @@ class Vehicle(Body):
         self,
         config: VehicleConfig,
         parameters: Parameters,
-        streams: dict[int, float],
+        streams_hz: Mapping[int, float],
         rng: np.random.Generator,
         now: float,
     ) -> None:
@@ -70,7 +70,7 @@ class Vehicle(Body):
         self.parameters = parameters
         self.unheard = 0
         """Messages addressed to somebody else, or of a kind this vehicle does not listen to."""
-        self._streams = Streams(streams, now)
+        self._streams = Streams({message: 1.0 / hz for message, hz in streams_hz.items()}, now)
         self._outgoing: list[Message] = []
         self._after_ack: list[Message] = []
         self._text_count = 0
