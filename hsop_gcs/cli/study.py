@@ -10,7 +10,6 @@ from hsop_gcs.errors import BadInput
 
 if TYPE_CHECKING:
     from hsop_gcs.study.results import Results
-    from hsop_gcs.study.summary import Claim
     from hsop_gcs.study.trial import Record, Study
 
 commands = typer.Typer(name="study", help="Monte Carlo studies of placements and estimators.", no_args_is_help=True)
@@ -135,25 +134,26 @@ def _run(results: "Results", jobs: int | None, dask: str | None) -> "tuple[list[
 def _report(study: "Study", records: "list[Record]", seconds: float, json_file: Path | None, out: Path | None) -> None:
     import json
 
-    from hsop_gcs.study.summary import claims, markdown, rows
+    from hsop_gcs.study.claims import claims, claims_markdown, shares, shares_markdown
+    from hsop_gcs.study.summary import markdown, rows
 
-    table = rows(records)
-    found = claims(records)
-    text = markdown(table) + "\n" + _claims(found)
+    table, found, compared = rows(records), claims(records), shares(records)
+    text = markdown(table) + "\n" + claims_markdown(found)
+    if compared:
+        text += "\nShares of the error of HSOP with Eq. 5:\n\n" + shares_markdown(compared)
     typer.echo(text)
     typer.echo(f"{len(records)} scenarios in {seconds:.0f} s")
-    content = {"study": study.as_json(), "rows": [row.as_json() for row in table]}
+    content = {
+        "study": study.as_json(),
+        "rows": [row.as_json() for row in table],
+        "claims": [claim.as_json() for claim in found],
+        "shares": compared,
+    }
     for path in [json_file, None if out is None else out / "rows.json"]:
         if path is not None:
             write(path, json.dumps(content, indent=1) + "\n")
     if out is not None:
         write(out / "study.md", text)
-
-
-def _claims(found: "list[Claim]") -> str:
-    lines = ["| claim | measured | holds |", "|---|---|---|"]
-    lines += [f"| {claim.claim} | {claim.measured} | {'yes' if claim.holds else 'NO'} |" for claim in found]
-    return "\n".join(lines) + "\n"
 
 
 def _whole(text: str, option: str) -> int:

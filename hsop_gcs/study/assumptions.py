@@ -20,6 +20,13 @@ class CoverageCameras(StrEnum):
     """The letter's Determine-Camera-Type: central where it fits, as its Algorithm 2 has it for HSOP."""
 
 
+class MeasuredAt(StrEnum):
+    BOTH = "both"
+    """Of a threat's two points: where it is, and where it is after the horizon."""
+    NOW = "now"
+    LATER = "later"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Assumptions:
     """Frozen, so that a results file can be held against them. Raises BadInput."""
@@ -38,6 +45,8 @@ class Assumptions:
     """Side of the square in which the hosts of coverage only start. Not in the letter."""
     coverage_cameras: CoverageCameras = CoverageCameras.PERIPHERAL
     """Which cameras coverage only uses. Not in the letter."""
+    measured_at: MeasuredAt = MeasuredAt.BOTH
+    """Where a threat is when it is localized. Not in the letter."""
 
     def __post_init__(self) -> None:
         for name in ("horizon_s", "safety_distance_m", "area_m", "size_m", "coverage_start_m"):

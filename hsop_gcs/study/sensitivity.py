@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hsop_gcs.study.assumptions import Assumptions, CoverageCameras
+from hsop_gcs.study.assumptions import Assumptions, CoverageCameras, MeasuredAt
 from hsop_gcs.study.localization import Estimator
 from hsop_gcs.study.placements import Kind
 from hsop_gcs.study.summary import error_of, rows
@@ -57,6 +57,9 @@ def variants() -> Iterator[Variant]:
         yield Variant(name=f"area {area:g} m x {area:g} m", varied="area_m", assumptions=wider)
     for name, distortion in LENSES.items():
         yield Variant(name=name, varied="distortion", assumptions=replace(chosen, distortion=distortion))
+    for when in (MeasuredAt.NOW, MeasuredAt.LATER):
+        measured = replace(chosen, measured_at=when)
+        yield Variant(name=f"threats localized {when.value} only", varied="measured_at", assumptions=measured)
     covering = (Kind.COVERAGE_ONLY,)
     for side in STARTS_M:
         name, started = f"coverage-only starts in {side:g} m x {side:g} m", replace(chosen, coverage_start_m=side)

@@ -10,7 +10,7 @@ from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.errors import BadInput
 from hsop_gcs.placement.problem import Problem
 from hsop_gcs.placement.solution import Placement
-from hsop_gcs.study.assumptions import Assumptions
+from hsop_gcs.study.assumptions import Assumptions, MeasuredAt
 from hsop_gcs.study.localization import Estimator, threat_errors
 from hsop_gcs.study.placements import Kind, placements
 
@@ -73,9 +73,7 @@ def run_trial(study: Study, trial: Trial) -> Record:
         found = placements(problem, kind, study.assumptions, rounds=study.rounds, seed=search_seed)
         for n_hosts, placement in sorted(found.items()):
             rng = np.random.default_rng(_seeds(study, trial, 2, order, n_hosts))
-            results.append(
-                {"placement": kind.value, "hosts": n_hosts, **_measured(problem, placement, study.draws, rng)}
-            )
+            results.append({"placement": kind.value, "hosts": n_hosts, **_measured(study, problem, placement, rng)})
     return {"threats": trial.threats, "index": trial.index, "results": results}
 
 
@@ -83,9 +81,11 @@ def _seeds(study: Study, trial: Trial, *purpose: int) -> np.random.SeedSequence:
     return np.random.SeedSequence(study.seed, spawn_key=(trial.threats, trial.index, *purpose))
 
 
-def _measured(problem: Problem, placement: Placement, draws: int, rng: np.random.Generator) -> dict[str, Any]:
-    """Average over threats and their two points."""
-    points = [point for both in threat_errors(problem, placement, draws, rng) for point in both]
+def _measured(study: Study, problem: Problem, placement: Placement, rng: np.random.Generator) -> dict[str, Any]:
+    """Average over threats and their points."""
+    at = {MeasuredAt.BOTH: (0, 1), MeasuredAt.NOW: (0,), MeasuredAt.LATER: (1,)}[study.assumptions.measured_at]
+    errors = threat_errors(problem, placement, study.draws, rng)
+    points = [both[k] for both in errors for k in at]
     cameras = [view.camera for pair in placement.pairs for view in pair.views]
     angles = [math.pi / 2 - abs(math.pi / 2 - point.angle_rad) for point in points]
     return {

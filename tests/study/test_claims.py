@@ -11,12 +11,13 @@ from typer.testing import CliRunner
 from hsop_gcs.cli import app, study
 from hsop_gcs.placement.objective import margins, threat_points_m
 from hsop_gcs.study.assumptions import Assumptions, CoverageCameras
+from hsop_gcs.study.claims import claims, ratio
 from hsop_gcs.study.coverage import cover
 from hsop_gcs.study.engine import run
 from hsop_gcs.study.localization import Estimator
 from hsop_gcs.study.placements import Kind, placements
 from hsop_gcs.study.results import Results
-from hsop_gcs.study.summary import Row, error_of, ratio, rows
+from hsop_gcs.study.summary import Row, error_of, rows
 from hsop_gcs.study.trial import Record, Study, Trial, scenario
 from hsop_gcs.study.views import all_sights
 
@@ -53,6 +54,25 @@ def test_coverage_only_lies_near_9_to_10_metres_whatever_the_number_of_hosts(tab
     ]
     assert np.mean(errors) == pytest.approx(9.5, abs=3.0)
     assert min(errors) > 4.0
+
+
+def test_every_claim_holds_on_a_small_study(records: list[Record]) -> None:
+    found = claims(records)
+    assert [claim for claim in found if not claim.holds] == []
+    assert len(found) == 2 * (3 + 2) + 3
+
+
+def test_coverage_onlys_lines_of_sight_are_longest_where_two_hosts_see_four_threats() -> None:
+    lengths_m: dict[int, list[float]] = {2: [], 8: []}
+    for k in range(30):
+        problem = scenario(Study(), Trial(threats=4, index=k))
+        for n_hosts, lengths in lengths_m.items():
+            placement = cover(problem, n_hosts, Assumptions(), np.random.default_rng(k))
+            assert placement is not None
+            at = {pose.host: pose.position_m for pose in placement.hosts}
+            for pair, points in zip(placement.pairs, threat_points_m(problem), strict=True):
+                lengths += [math.dist(at[view.host], point) for view in pair.views for point in points]
+    assert np.mean(lengths_m[2]) > 1.08 * np.mean(lengths_m[8])
 
 
 def test_least_rms_with_maximum_likelihood_on_all_views_has_at_most_0_4_of_hsops_error(records: list[Record]) -> None:
@@ -122,6 +142,8 @@ def test_the_command_writes_rows_and_resumes(tmp_path: Path) -> None:
         for placement in ("hsop", "coverage-only")
         for estimator in ("eq5", "ml", "ml-all-views")
     }
+    named = {"threats", "hosts", "placement", "estimator", "mean_error_m", "scenarios"}
+    assert all(named <= row.keys() and row["mean_error_m"] > 0 for row in content["rows"])
     assert all(row["scenarios"] == 2 for row in content["rows"] if row["hosts"] == 4)
     again = CliRunner().invoke(app, [*command, "--resume"])
     assert again.exit_code == 0, again.output

@@ -35,10 +35,10 @@ def draw(name: str, out: Path, rows: Path | None = None) -> list[str]:
     """
     if find_spec("matplotlib") is None:
         raise Unavailable("Matplotlib is not installed; it comes with hsop-gcs[plots]")
-    from matplotlib import rc_context
+    from matplotlib.style import context
 
-    style: Any = {"svg.hashsalt": "hsop-gcs", "svg.fonttype": "path", "font.family": "DejaVu Sans", "font.size": 9.0}
-    with rc_context(style):
+    ours: Any = {"svg.hashsalt": "hsop-gcs", "svg.fonttype": "path", "font.family": "DejaVu Sans", "font.size": 9.0}
+    with context(["default", ours]):
         if name == "fig11-error" and rows is not None:
             figure, lines = errors.error_by_hosts(rows)
         else:
