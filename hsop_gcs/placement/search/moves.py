@@ -186,6 +186,16 @@ def try_pose(
 
 
 @lean_kernel
+def settle(
+    q: Question, s: State, first: int, second: int, reach_m: float, penalty: float, chance: Chance, trial: Floats
+) -> tuple[float, float]:
+    """Take only what is better of a few poses for two hosts in turn. Returns what the whole state has come to."""
+    for n in range(12):
+        try_pose(q, s, first if n % 2 == 0 else second, reach_m, penalty, 0.0, chance, trial)
+    return totals(q, s)
+
+
+@lean_kernel
 def try_regroup(
     q: Question,
     s: State,
@@ -234,10 +244,8 @@ def try_regroup(
     refresh_host(q, s, new)
     if freed >= 0:
         refresh_host(q, s, freed)
-    for n in range(12):
-        try_pose(q, s, new if n % 2 == 0 else old, reach_m, penalty, 0.0, chance, trial)
-    new_cost, new_violation = totals(q, s)
-    more_cost, more_violation = new_cost - cost, new_violation - violation
+    settled_cost, settled_violation = settle(q, s, new, old, reach_m, penalty, chance, trial)
+    more_cost, more_violation = settled_cost - cost, settled_violation - violation
     if accepted(more_cost + penalty * more_violation, temperature, chance):
         return more_cost, more_violation
     if other_threat >= 0:
@@ -298,10 +306,8 @@ def try_rig(
     s.rigs[host] = new
     refresh_host(q, s, host)
     refresh_host(q, s, other)
-    for n in range(12):
-        try_pose(q, s, host if n % 2 == 0 else other, reach_m, penalty, 0.0, chance, trial)
-    new_cost, new_violation = totals(q, s)
-    more_cost, more_violation = new_cost - cost, new_violation - violation
+    settled_cost, settled_violation = settle(q, s, host, other, reach_m, penalty, chance, trial)
+    more_cost, more_violation = settled_cost - cost, settled_violation - violation
     if accepted(more_cost + penalty * more_violation, temperature, chance):
         return more_cost, more_violation
     s.rigs[other] = new

@@ -50,6 +50,18 @@ def some_problem(formulation: Formulation, objective: Objective, seed: int = 4) 
     return Problem(threats=random_threats(3, np.random.default_rng(seed)), formulation=formulation, objective=objective)
 
 
+def require_agreement(problem: Problem, q: Question, state: State) -> None:
+    """A state without violation costs what the reference says, and breaks none of its rules."""
+    cost, violation = totals(q, state)
+    assert violation == 0
+    placement = placement_of(problem, frame_of(problem), q, state)
+    worth = evaluate(problem, placement.hosts, {pair.threat: pair.views for pair in placement.pairs})
+    expected = worth.cost if problem.objective is Objective.LETTER else sum(worth.expected_errors_m.values())
+    assert cost == pytest.approx(expected, rel=1e-6)
+    assert placement.cost == pytest.approx(expected, rel=1e-12)
+    assert worth.margins.feasible
+
+
 def test_the_same_seed_draws_the_same_numbers_and_another_seed_others() -> None:
     first, again, other = seeded(7, 1), seeded(7, 1), seeded(7, 2)
     draws = [[uniform(state) for _ in range(50)] for state in (first, again, other)]
@@ -63,14 +75,7 @@ def test_the_same_seed_draws_the_same_numbers_and_another_seed_others() -> None:
 def test_a_states_cost_and_rules_are_those_of_the_reference(formulation: Formulation, objective: Objective) -> None:
     problem = some_problem(formulation, objective)
     q, state = annealed(problem, 4, seed=1)
-    cost, violation = totals(q, state)
-    assert violation == 0
-    placement = placement_of(problem, frame_of(problem), q, state)
-    worth = evaluate(problem, placement.hosts, {pair.threat: pair.views for pair in placement.pairs})
-    expected = worth.cost if objective is Objective.LETTER else sum(worth.expected_errors_m.values())
-    assert cost == pytest.approx(expected, rel=1e-6)
-    assert placement.cost == pytest.approx(expected, rel=1e-12)
-    assert worth.margins.feasible
+    require_agreement(problem, q, state)
 
 
 def test_the_energies_kept_during_a_run_are_those_of_its_last_state() -> None:
@@ -159,13 +164,7 @@ def problem_in_space(objective: Objective) -> Problem:
 def test_a_states_cost_in_space_is_that_of_the_reference(objective: Objective) -> None:
     problem = problem_in_space(objective)
     q, state = annealed(problem, 4, seed=1, moves=60_000)
-    cost, violation = totals(q, state)
-    assert violation == 0
-    placement = placement_of(problem, frame_of(problem), q, state)
-    worth = evaluate(problem, placement.hosts, {pair.threat: pair.views for pair in placement.pairs})
-    expected = worth.cost if objective is Objective.LETTER else sum(worth.expected_errors_m.values())
-    assert cost == pytest.approx(expected, rel=1e-6)
-    assert worth.margins.feasible
+    require_agreement(problem, q, state)
 
 
 @pytest.mark.parametrize("objective", list(Objective))

@@ -13,7 +13,7 @@ from hsop_gcs.placement.search.question import frame_of, question_of
 from hsop_gcs.placement.search.rounds import Course
 from hsop_gcs.placement.search.solve import search
 from hsop_gcs.placement.search.state import totals
-from hsop_gcs.placement.solution import worst_error_m
+from hsop_gcs.placement.solution import Placement, worst_error_m
 from tests.placement.examples import random_threats
 
 
@@ -60,19 +60,17 @@ def test_without_an_acceptable_number_the_largest_is_the_answer_and_without_any_
         assert least_acceptable(apart, range(2, 4), lambda course: course.pool.best is not None, executor) is None
 
 
+def with_target(problem: Problem, target_m: float) -> Placement:
+    return search(
+        problem, n_hosts=None, seed=0, deadline=math.inf, now=lambda: 0.0, iterations=4, target_error_m=target_m
+    )
+
+
 def test_a_target_error_is_kept_by_the_placement_that_is_answered() -> None:
     problem = Problem(threats=random_threats(3, np.random.default_rng(3)))
     free = search(problem, n_hosts=5, seed=0, deadline=math.inf, now=lambda: 0.0, iterations=4)
     target_m = 1.2 * worst_error_m(free)
-    aimed = search(
-        replace(problem, max_hosts=6),
-        n_hosts=None,
-        seed=0,
-        deadline=math.inf,
-        now=lambda: 0.0,
-        iterations=4,
-        target_error_m=target_m,
-    )
+    aimed = with_target(replace(problem, max_hosts=6), target_m)
     assert worst_error_m(aimed) <= target_m
     assert len(aimed.hosts) <= 5
 
@@ -84,14 +82,6 @@ def test_a_number_whose_least_cost_misses_the_target_is_taken_if_another_placeme
     problem = Problem(threats=random_threats(3, np.random.default_rng(seed)))
     least_costly = search(problem, n_hosts=hosts, seed=0, deadline=math.inf, now=lambda: 0.0, iterations=8)
     target_m = 0.8 * worst_error_m(least_costly)
-    aimed = search(
-        replace(problem, max_hosts=hosts),
-        n_hosts=None,
-        seed=0,
-        deadline=math.inf,
-        now=lambda: 0.0,
-        iterations=4,
-        target_error_m=target_m,
-    )
+    aimed = with_target(replace(problem, max_hosts=hosts), target_m)
     assert worst_error_m(aimed) <= target_m
     assert (aimed.cost or 0.0) >= (1 - 1e-6) * (least_costly.cost or math.inf) or len(aimed.hosts) < hosts
