@@ -121,7 +121,7 @@ def _run(results: "Results", jobs: int | None, dask: str | None) -> "tuple[list[
     started = time.monotonic()
     columns = (TextColumn("scenarios"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("scenarios")
+        task = bar.add_task("scenarios", total=None)
         records = run(
             results,
             jobs=jobs or os.cpu_count() or 1,

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Generator
 from concurrent.futures import FIRST_COMPLETED, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
 from importlib import import_module
 from itertools import islice
@@ -28,7 +29,7 @@ def run(
 
     jobs: processes; 1 is this one. dask: address of a scheduler, tcp://..., whose workers run the trials instead; they
     need this package. dask_timeout_s: how long to wait for the scheduler. progress: told how many trials are done, of
-    how many. Raises Unavailable without the cluster.
+    how many. Raises Unavailable without the cluster, and when a worker process is killed.
     """
     missing = results.missing
     total = len(results.study.trials())
@@ -60,6 +61,10 @@ def _on_processes(study: Study, trials: list[Trial], jobs: int) -> Generator[Rec
                 running |= {pool.submit(run_trial, study, trial) for trial in islice(waiting, len(finished))}
                 for future in finished:
                     yield future.result()
+        except BrokenProcessPool:
+            raise Unavailable(
+                "a worker process was killed; what is finished is kept: --resume goes on with it"
+            ) from None
         finally:
             for future in running:
                 future.cancel()

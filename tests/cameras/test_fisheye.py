@@ -98,6 +98,16 @@ def test_rays_from_behind_and_pixels_beyond_the_image_circle_give_nothing() -> N
     assert np.isnan(camera.back_project([[0.0, 0.0], [1503.0, 1503.0]])).all()
 
 
+def test_opencv_images_what_is_behind_where_its_opposite_would_be() -> None:
+    camera, ray = FisheyeCamera(), np.array([[[0.6, 0.3, 0.4]]])
+    ahead, behind = (
+        cv2.fisheye.projectPoints(side * ray, np.zeros(3), np.zeros(3), camera.camera_matrix, np.zeros(4))[0][0, 0]
+        for side in (1.0, -1.0)
+    )
+    np.testing.assert_allclose(ahead, camera.project(ray[0])[0], atol=1e-9 * PIXEL)
+    np.testing.assert_allclose(behind, ahead, atol=1e-9 * PIXEL)
+
+
 @pytest.mark.parametrize("field", ["focal_length_mm", "sensor_width_mm", "resolution_px", "min_pixels"])
 @pytest.mark.parametrize("value", [0, -1.0, math.nan, math.inf])
 def test_sizes_that_are_not_positive_are_refused_by_name(field: str, value: float) -> None:

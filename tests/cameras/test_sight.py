@@ -41,7 +41,7 @@ def test_the_ray_of_a_points_image_goes_through_the_point(
 @pytest.mark.parametrize("lens", [FisheyeCamera(), BENT])
 def test_images_are_those_of_opencvs_fisheye_model(lens: FisheyeCamera) -> None:
     eye = sight(lens)
-    points = np.array([point_off_axis(eye, off, 37.0 * off) for off in range(0, 90, 7)])
+    points = np.array([point_off_axis(eye, off, 37.0 * off) for off in (*range(0, 90, 7), 89.0, 89.999)])
     local = (points - eye.origin_m) @ eye.axes.T
     seen, _ = cv2.fisheye.projectPoints(
         local[:, None], np.zeros(3), np.zeros(3), lens.camera_matrix, np.array(lens.distortion)

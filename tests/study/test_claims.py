@@ -1,14 +1,10 @@
 """The letter's claims, and what goes beyond them, on a small study; the full one is in docs/study.md."""
 
-import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from hsop_gcs.cli import app, study
 from hsop_gcs.placement.objective import margins, threat_points_m
 from hsop_gcs.study.assumptions import Assumptions, CoverageCameras
 from hsop_gcs.study.claims import claims, ratio
@@ -126,25 +122,3 @@ def test_scenarios_lie_in_the_square_and_fly_no_faster_than_the_fastest() -> Non
     speeds = [math.hypot(*threat.velocity_mps) for threat in threats]
     assert max(speeds) <= 5.0
     assert np.mean(speeds) == pytest.approx(2.5, abs=0.4)
-
-
-def test_the_command_writes_rows_and_resumes(tmp_path: Path) -> None:
-    if "study" not in {group.name for group in app.registered_groups}:
-        study.register(app)
-    command = ["study", "letter", "--scenarios", "2", "--draws", "100", "--threats", "2", "--jobs", "1"]
-    command += ["--rounds", "1", "--placement", "hsop,coverage-only", "--out", str(tmp_path / "out")]
-    command += ["--json", str(tmp_path / "rows.json")]
-    first = CliRunner().invoke(app, command)
-    assert first.exit_code == 0, first.output
-    content = json.loads((tmp_path / "rows.json").read_text())
-    assert {(row["threats"], row["placement"], row["estimator"]) for row in content["rows"]} == {
-        (2, placement, estimator)
-        for placement in ("hsop", "coverage-only")
-        for estimator in ("eq5", "ml", "ml-all-views")
-    }
-    named = {"threats", "hosts", "placement", "estimator", "mean_error_m", "scenarios"}
-    assert all(named <= row.keys() and row["mean_error_m"] > 0 for row in content["rows"])
-    assert all(row["scenarios"] == 2 for row in content["rows"] if row["hosts"] == 4)
-    again = CliRunner().invoke(app, [*command, "--resume"])
-    assert again.exit_code == 0, again.output
-    assert json.loads((tmp_path / "rows.json").read_text()) == content

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 from dataclasses import replace
+from multiprocessing import active_children
 from pathlib import Path
 from typing import Any
 
@@ -77,6 +78,19 @@ def test_a_study_that_was_killed_leaves_no_process_and_goes_on_to_the_same_numbe
     again.begin(resume=True)
     assert 0 < len(again.missing) < 16
     assert run(again) == run(Results(whole, None))
+
+
+def test_a_process_that_is_killed_is_told_of_and_what_is_finished_stays(records: list[Record]) -> None:
+    results = Results(replace(STUDY, scenarios=40), None)
+
+    def kill_one(done: int, _: int) -> None:
+        if done == 1:
+            active_children()[0].kill()
+
+    with pytest.raises(Unavailable, match="--resume goes on"):
+        run(results, jobs=2, progress=kill_one)
+    assert 0 < len(results.records) < 40
+    assert all(record in records for record in results.records if record["index"] < STUDY.scenarios)
 
 
 def test_results_of_other_assumptions_are_not_gone_on_with(tmp_path: Path) -> None:
