@@ -35,7 +35,7 @@ from hsop_gcs.simulator.truth import Truth, truth_from_json
 ORIGIN = GeodeticPoint(lat_deg=47.397742, lon_deg=8.545594, altitude_amsl_m=488.0)
 HOSTS = 4
 SPACING_M = 15.0
-TAKE_OFF_M = 25.0
+TAKE_OFF_M = 35.0
 REPORTS_PER_S = 2.0
 POLLS_PER_S = 4.0
 REPORT_SIGMA_M = 15.0
@@ -44,7 +44,7 @@ SEEN_SIGMA_M = 2.0
 """A threat known better than this is seen by cameras: the reports leave several metres."""
 HORIZON_S = 14.0
 """A little longer than the letter's 10 s: these threats are slow, and a plan should outlast the flight to it."""
-LIMIT_S = 240.0
+LIMIT_S = 150.0
 SEED = 0
 
 
@@ -362,6 +362,7 @@ def _settings(port: int, journal: Path) -> Settings:
             "site": {"origin": origin},
             "service": {"port": 0, "journal": str(journal)},
             "planning": {"hosts": "all", "horizon_s": HORIZON_S},
+            "tracks": {"acceleration_psd_m2ps3": 0.02},
             "hosts": hosts,
         }
     )

@@ -3,7 +3,15 @@
 from hsop_gcs.assignment.arrangement import Departure, NoSafeFlight, arrange, flight_s
 from hsop_gcs.assignment.matching import assign
 from hsop_gcs.assignment.orders import HostOrder, order_for, orders_for
-from hsop_gcs.assignment.routes import FlightRules, Mover, clearance_m, safe_route, why_unsafe
+from hsop_gcs.assignment.routes import (
+    FlightRules,
+    Mover,
+    clearance_m,
+    gains_by_staying,
+    safe_route,
+    straight,
+    why_unsafe,
+)
 from hsop_gcs.assignment.separation import Flight, in_the_way
 
 __all__ = [
@@ -17,9 +25,11 @@ __all__ = [
     "assign",
     "clearance_m",
     "flight_s",
+    "gains_by_staying",
     "in_the_way",
     "order_for",
     "orders_for",
     "safe_route",
+    "straight",
     "why_unsafe",
 ]

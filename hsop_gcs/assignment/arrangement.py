@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hsop_gcs.assignment.routes import FlightRules, Mover, leg_times_s, safe_route, why_unsafe
+from hsop_gcs.assignment.routes import FlightRules, Mover, Route, leg_times_s, why_unsafe
 from hsop_gcs.assignment.separation import Conflict, Flight, clear_after_m, departures
 from hsop_gcs.placement.problem import Point, Threat
 
@@ -34,29 +34,21 @@ class NoSafeFlight:
 
 
 def arrange(
-    goals_m: Mapping[str, Point],
+    routes: Mapping[str, Route],
     movers: tuple[Mover, ...],
     threats: tuple[Threat, ...],
     rules: FlightRules,
     *,
     standing: Iterable[Flight] = (),
 ) -> tuple[Departure, ...] | NoSafeFlight:
-    """Return a departure for every goal, in order; hosts without one that have to give way are among them.
+    """Return a departure for every route, in order; hosts without one that have to give way are among them.
 
-    movers: the hosts that can be sent, those with goals and idle ones. standing: what else hovers there and stays.
+    movers: the hosts that can be sent, those with routes and idle ones. standing: what else hovers there and stays.
     """
     by_id = {mover.id: mover for mover in movers}
-    flights = []
-    for host, goal_m in goals_m.items():
-        route = safe_route(by_id[host], goal_m, threats, rules)
-        if route is None:
-            return NoSafeFlight(
-                reason=f"host {host} has no way to its hover point that keeps {rules.safety_distance_m:g} m from all"
-                " threats and stays in the airspace"
-            )
-        flights.append(Flight(host=host, points_m=(by_id[host].position_m, *route.points_m)))
+    flights = [Flight(host=host, points_m=(by_id[host].position_m, *route.points_m)) for host, route in routes.items()]
     flights.sort(key=lambda flight: (-flight.length_m, flight.host))
-    idle = [Flight(host=mover.id, points_m=(mover.position_m,)) for mover in movers if mover.id not in goals_m]
+    idle = [Flight(host=mover.id, points_m=(mover.position_m,)) for mover in movers if mover.id not in routes]
 
     def alternatives(flight: Flight) -> Iterator[Flight]:
         mover = by_id.get(flight.host)

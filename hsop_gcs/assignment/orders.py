@@ -63,19 +63,20 @@ def orders_for(
     chosen = assign(flight_m)
     if chosen is None:
         return NoSafeFlight(reason=_why_not(flight_m, placement, rules.safety_distance_m))
-    goals_m = {movers[host].id: pose.position_m for host, pose in zip(chosen, placement.hosts, strict=True)}
-    arranged = arrange(goals_m, movers, threats_now, rules, standing=standing)
+    flown_by = {movers[host].id: routes[host][point] for point, host in enumerate(chosen)}
+    safe = {host: route for host, route in flown_by.items() if route is not None}
+    arranged = arrange(safe, movers, threats_now, rules, standing=standing)
     if isinstance(arranged, NoSafeFlight):
         return arranged
     flown = {departure.host: departure for departure in arranged}
     orders = [
         order_for(host, pose, placement, threats_then, rules.horizon_s)
-        for host, pose in zip(goals_m, placement.hosts, strict=True)
+        for host, pose in zip(flown_by, placement.hosts, strict=True)
     ]
     orders += [
         HostOrder(host=host, position_m=departure.route_m[-1], heading_deg=0.0, aim=None, views=())
         for host, departure in flown.items()
-        if host not in goals_m
+        if host not in flown_by
     ]
     return tuple(
         replace(order, via_m=flown[order.host].route_m[:-1], wait_s=flown[order.host].wait_s) for order in orders

@@ -16,6 +16,8 @@ from hsop_gcs.placement.problem import Point, Threat
 FloatArray = npt.NDArray[np.float64]
 
 _STEP_S = 0.2
+_LATE_S = 2.0
+"""How late a host may be on a whole flight: it speeds up, and slows down at each point of its route."""
 _MARGINS_M = (4.0, 14.0)
 """How much farther than the safety distance detours lead past a threat: chords between them stay outside, from the
 nearer ones to each other, from the farther ones also to a host close to the threat."""
@@ -60,6 +62,11 @@ class Route:
     length_m: float
 
 
+def straight(mover: Mover, goal_m: Point) -> Route:
+    """Return the direct way."""
+    return Route(points_m=(goal_m,), length_m=math.dist(mover.position_m, goal_m))
+
+
 def safe_route(mover: Mover, goal_m: Point, threats: tuple[Threat, ...], rules: FlightRules) -> Route | None:
     """Return the shortest route found that is safe, or None. See ``why_unsafe``."""
 
@@ -73,6 +80,8 @@ def safe_route(mover: Mover, goal_m: Point, threats: tuple[Threat, ...], rules: 
                 return Route(points_m=points, length_m=float(lengths[index]))
         return shorter_than
 
+    if _ends_too_near(mover, goal_m, threats, rules):
+        return None
     start, goal = np.array(mover.position_m), np.array(goal_m)
     direct = shortest(np.stack([start, goal])[None])
     corners = corners_beside(rules.airspace)
@@ -102,39 +111,63 @@ def why_unsafe(
 ) -> str | None:
     """Return what is wrong with flying a route from now on, for a person; None if it is safe.
 
-    It keeps the safety distance from all threats flying straight on, inside the fence and outside keep-out areas. A
-    host that is already nearer to a threat than the safety distance may not come nearer still. within_s: how much of
-    the flight is looked at.
+    It keeps the safety distance from all threats flying straight on, inside the fence and outside keep-out areas; and
+    a host that is already nearer to a threat than that may not come nearer still. within_s: how much of the flight is
+    looked at; the whole of it may also begin late.
     """
     way = np.array([mover.position_m, *route_m])
-    distances = _distances(way, mover, threats, rules.horizon_s, within_s)
-    near = np.min(distances - np.minimum(rules.safety_distance_m, distances[:, :1]), axis=1) < -1e-9
-    if near.any():
-        worst = int(np.argmin(np.where(near, distances.min(axis=1), np.inf)))
-        return f"comes to {distances[worst].min():.0f} m from threat {threats[worst].id}"
+    places, times = _flown(way, mover, within_s)
+    for late_s in (0.0, _LATE_S) if math.isinf(within_s) else (0.0,):
+        distances = _distances(places, times + late_s, threats, rules.horizon_s)
+        near = np.min(distances - np.minimum(rules.safety_distance_m, distances[:, :1]), axis=1) < -1e-9
+        if near.any():
+            worst = int(np.argmin(np.where(near, distances.min(axis=1), np.inf)))
+            return f"comes to {distances[worst].min():.0f} m from threat {threats[worst].id}"
     return why_outside(rules.airspace, (mover.position_m, *route_m))
 
 
 def clearance_m(mover: Mover, route_m: tuple[Point, ...], threats: tuple[Threat, ...], *, horizon_s: float) -> float:
     """Return the least distance to any threat along a route flown from now on, metres; infinity without threats."""
+    places, times = _flown(np.array([mover.position_m, *route_m]), mover, math.inf)
+    return float(_distances(places, times, threats, horizon_s).min(initial=np.inf))
+
+
+def gains_by_staying(
+    mover: Mover, route_m: tuple[Point, ...], threats: tuple[Threat, ...], *, horizon_s: float, within_s: float
+) -> bool:
+    """Return whether a host that stays is farther from all threats, at the worst moment, than one that flies on."""
     way = np.array([mover.position_m, *route_m])
-    return float(_distances(way, mover, threats, horizon_s).min(initial=np.inf))
+    places, times = _flown(way, mover, within_s)
+    flying, staying = (_distances(at, times, threats, horizon_s) for at in (places, way[0, :, None]))
+    return bool(flying.min(initial=np.inf) < staying.min(initial=np.inf))
 
 
-def _distances(
-    way: FloatArray, mover: Mover, threats: tuple[Threat, ...], horizon_s: float, within_s: float = math.inf
-) -> FloatArray:
-    """(threats, times) metres, for a host that flies the way, (points, 3), at constant speed from now on.
+def _ends_too_near(mover: Mover, goal_m: Point, threats: tuple[Threat, ...], rules: FlightRules) -> bool:
+    """Whether no way is safe, for where it ends."""
+    if math.dist(mover.position_m, goal_m) < mover.speed_mps * rules.horizon_s:
+        return False  # it may be there before the threat is where its prediction ends
+    return any(
+        math.dist(goal_m, threat.predicted_m(rules.horizon_s))
+        < min(rules.safety_distance_m, math.dist(mover.position_m, threat.position_m)) - 1e-9
+        for threat in threats
+    )
+
+
+def _flown(way: FloatArray, mover: Mover, within_s: float) -> tuple[FloatArray, FloatArray]:
+    """Where a host is that flies the way, (points, 3), at constant speed: (3, times) ENU metres, and those times."""
+    reached_s = np.concatenate([[0.0], np.cumsum(leg_times_s(way, mover))])
+    times = np.arange(0.0, min(float(reached_s[-1]), within_s) + _STEP_S, _STEP_S)
+    return np.stack([np.interp(times, reached_s, way[:, axis]) for axis in range(3)]), times
+
+
+def _distances(places: FloatArray, times: FloatArray, threats: tuple[Threat, ...], horizon_s: float) -> FloatArray:
+    """(threats, times) metres from places, (3, times), at times from now on.
 
     Beyond the horizon threats stay where their prediction ends: a longer way round does not make a goal safe.
     """
-    reached_s = np.concatenate([[0.0], np.cumsum(leg_times_s(way, mover))])
-    times = np.arange(0.0, min(float(reached_s[-1]), within_s) + _STEP_S, _STEP_S)
-    host = np.stack([np.interp(times, reached_s, way[:, axis]) for axis in range(3)])
     start = np.array([threat.position_m for threat in threats]).reshape(-1, 3, 1)
     velocity = np.array([threat.velocity_mps for threat in threats]).reshape(-1, 3, 1)
-    times = np.minimum(times, horizon_s)
-    return np.asarray(np.linalg.norm(start + velocity * times - host, axis=1))
+    return np.asarray(np.linalg.norm(start + velocity * np.minimum(times, horizon_s) - places, axis=1))
 
 
 def leg_times_s(way: FloatArray, mover: Mover) -> FloatArray:

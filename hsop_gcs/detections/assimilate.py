@@ -18,6 +18,7 @@ from hsop_gcs.detections.association import Doubt, associate
 from hsop_gcs.detections.candidates import meetings
 from hsop_gcs.detections.detection import Detection, Reason, Refused, Unusable
 from hsop_gcs.detections.fix import Belief, Fix, fix_of
+from hsop_gcs.detections.merging import merged
 from hsop_gcs.detections.poses import PoseHistory
 from hsop_gcs.detections.ray import Ray, to_ray
 from hsop_gcs.detections.rules import DetectionRules
@@ -136,7 +137,7 @@ def assimilate(
         work.take(moment)
     work.begin_candidates()
     return Assimilated(
-        picture=work.picture,
+        picture=merged(work.picture, now_s, rules, track_rules),
         watch=work.watch(received=len(rays)),
         verdicts=tuple(work.verdicts[index] for index in range(len(rays))),
     )

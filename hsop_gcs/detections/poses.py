@@ -15,6 +15,8 @@ MEMORY_S = 6.0
 """Longer than the tracker takes late reports, and the way of a detection to us."""
 _SAME_SAMPLE_S = 1e-3
 """Two clocks read one after the other differ by less; no telemetry comes so often."""
+_DATED_S = 0.02
+"""Standard deviation of when a sample was taken."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,11 +136,13 @@ def _angles_at(series: Series, time_s: float) -> tuple[Vector3, float]:
     """Return the angles, interpolated the short way around, and the standard deviation of each, all degrees.
 
     Between samples an angle may have gone over at any moment: then it has mean ``share`` of the way and variance
-    share (1 - share) times its square. Outside, it may have moved on as much as between the last two.
+    share (1 - share) times its square. Outside, it may have moved on as much as between the last two. While it turns,
+    a sample is as wrong as it is wrongly dated.
     """
-    (_, first), (_, second), share = _bracket(series, time_s)
+    (began_s, first), (ended_s, second), share = _bracket(series, time_s)
     steps = [wrap_deg(b - a) for a, b in zip(first, second, strict=True)]
     inside = min(max(share, 0.0), 1.0)
     variance = inside * (1 - inside) + min(abs(share - inside), 1.0)
+    variance += (_DATED_S / max(ended_s - began_s, _SAME_SAMPLE_S)) ** 2
     x, y, z = (a + inside * step for a, step in zip(first, steps, strict=True))
     return (x, y, z), math.sqrt(variance) * math.hypot(*steps)

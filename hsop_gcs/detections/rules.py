@@ -29,6 +29,9 @@ class DetectionRules:
     misfit_probability: float = 1e-4
     """Rays that meet worse than this do not show one threat."""
 
+    merge_after_s: float = 2.0
+    """A reported threat that cameras have not seen for so long, and one beside it that only they have, are one."""
+
     hold_s: float = 0.5
     """How long a ray that no threat explains waits for one of another host to meet."""
     most_held: int = 100

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hsop_gcs.assignment import Departure, Flight, NoSafeFlight, arrange
+from hsop_gcs.assignment import Departure, Flight, NoSafeFlight, arrange, safe_route, straight
 from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.detections import Detection, PoseHistory, let_go, rays_of
 from hsop_gcs.detections import Verdict as RayVerdict
@@ -60,6 +60,7 @@ from hsop_gcs.mission.records import to_record
 from hsop_gcs.mission.sky import Sky
 from hsop_gcs.mission.solver import Solver
 from hsop_gcs.mission.state import Autonomy, Plan, ready, replan_reason
+from hsop_gcs.mission.traffic import Blocked
 from hsop_gcs.reports import Measurement, Site
 from hsop_gcs.tracks import Refusal, Verdict, prune
 
@@ -72,8 +73,6 @@ _LEG_REACHED_M = 3.0
 """So near to a point of its route a host is sent on; routes keep more than this in hand."""
 _LEG_DEADLINE_S = 10.0
 _POSE_STEP_S = 0.025
-_SEEK_EVERY_S = 1.0
-"""Between attempts to find a way for a host that waits."""
 
 log = logging.getLogger(__name__)
 
@@ -123,8 +122,8 @@ class Mission:
         self._solver = solver
         self._solving: asyncio.Task[None] | None = None
         self._changed = asyncio.Event()
-        self._resting: dict[str, float] = {}
-        """Until when no way is sought for waiting hosts."""
+        self._blocked: dict[str, Blocked] = {}
+        """Why hosts that wait did not depart when that was last looked at."""
         self._poses = {host.id: PoseHistory() for host in fleet.hosts}
         self._take(MissionStarted(time_s=clock(), rules=rules or Rules()))
 
@@ -235,8 +234,8 @@ class Mission:
         progress = self.state.progress.get(host.id)
         if progress is None or progress.status is not OrderStatus.WAITING:
             return None
-        waits = self.sky.traffic(self.state, self.clock()).why_waiting(host.id)
-        return waits or progress.note or "its way is not free yet"
+        blocked = self._blocked.get(host.id)
+        return blocked.reason if blocked is not None and blocked.order_id == progress.order_id else progress.note
 
     def target_of(self, host: Host, at_s: float) -> Aim | None:
         """Return where a host should look for its threats at a time, from where it is; None if it is to follow none."""
@@ -322,7 +321,7 @@ class Mission:
             self._changed.set()
 
     def _fly(self, plan: Plan) -> None:
-        """Let the proposed plan's hosts depart, all or none. If one cannot, the proposal is over: raises Refused."""
+        """Let the proposed plan's hosts depart. If none can, the proposal is over: raises Refused."""
         now_s = self.clock()
         try:
             departures = self._departures(plan, now_s)
@@ -339,7 +338,10 @@ class Mission:
                 self._stop(self._hosts([host])[0])
 
     def _departures(self, plan: Plan, now_s: float) -> tuple[Departure, ...]:
-        """Return the order in which a plan's hosts depart, and their routes. Raises Refused if one cannot fly now."""
+        """Return the order in which a plan's hosts depart, and their routes.
+
+        A host whose way is not safe now waits until it is. Raises Refused if a host cannot be sent, or all would wait.
+        """
         if now_s > plan.expires_at_s:
             raise Refused(f"plan {plan.id} ran out {now_s - plan.expires_at_s:.1f} s ago")
         unavailable = self.unavailable()
@@ -347,13 +349,21 @@ class Mission:
         for host in goals_m:
             if host in unavailable:
                 raise Refused(f"host {host}: {unavailable[host].reason}")
-        movers = self.sky.movers(unavailable)
-        idle = tuple(Flight(host=mover.id, points_m=(mover.position_m,)) for mover in movers if mover.id not in goals_m)
+        movers, known = self.sky.movers(unavailable), situation(self.state, (), now_s)
+        rules = flight_rules(self.state.rules.planning, known.sigmas)
+        sent = {mover.id: mover for mover in movers if mover.id in goals_m}
+        safe = {host: safe_route(sent[host], goal_m, known.threats, rules) for host, goal_m in goals_m.items()}
+        if not any(safe.values()):
+            raise Refused(
+                f"no host has a way to its hover point that keeps {rules.safety_distance_m:.0f} m from all threats and"
+                " stays in the airspace"
+            )
+        idle = tuple(Flight(host=mover.id, points_m=(mover.position_m,)) for mover in movers if mover.id not in sent)
         arranged = arrange(
-            goals_m,
-            tuple(mover for mover in movers if mover.id in goals_m),
-            situation(self.state, (), now_s).threats,
-            flight_rules(self.state.rules.planning),
+            {host: route or straight(sent[host], goals_m[host]) for host, route in safe.items()},
+            tuple(sent.values()),
+            known.threats,
+            rules,
             standing=idle + self.sky.standing(unavailable),
         )
         if isinstance(arranged, NoSafeFlight):
@@ -362,12 +372,11 @@ class Mission:
 
     def _direct_traffic(self, now_s: float) -> None:
         """Let hosts depart, turn aside, stop and try again."""
-        resting = frozenset(host for host, until_s in self._resting.items() if now_s < until_s)
-        moves = list(self.sky.traffic(self.state, now_s, resting).moves())
-        for host_id, progress in self.state.progress.items():
-            if progress.status is OrderStatus.WAITING and host_id not in resting:
-                self._resting[host_id] = now_s + _SEEK_EVERY_S
+        moves = list(self.sky.traffic(self.state, now_s, self._blocked).moves())
         for given in moves:
+            if isinstance(given, Blocked):
+                self._blocked[given.host] = given
+                continue
             host = self._hosts([given.host])[0]
             if isinstance(given, HostStopped):
                 self._stop(host)

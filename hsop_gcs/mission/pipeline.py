@@ -5,7 +5,7 @@ picklable, because a decision is made in a worker process.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -20,9 +20,11 @@ from hsop_gcs.placement.holding import held_over
 from hsop_gcs.placement.objective import segment_distance
 from hsop_gcs.placement.problem import AvailableHost, Formulation, Objective, Problem, Threat
 from hsop_gcs.placement.reasons import out_of_sight
+from hsop_gcs.placement.search.nearer import nearer
 from hsop_gcs.placement.solution import HoverPose, Placement, Status, renamed, worst_error_m
 
 _ARRIVAL_TOLERANCE_S = 1.0
+_DOUBTS = 2.0
 _GLANCE_ROUNDS = 2
 """Enough to know how far hosts will have to fly, at a third of the time of a whole search."""
 
@@ -41,7 +43,8 @@ class PlanningRules:
     horizon_s: float = 10.0
     safety_distance_m: float = 20.0
     safety_margin_m: float = 4.0
-    """What plans keep on top of the safety distance, so that they are still safe when a track moves a little."""
+    """What plans keep on top of the safety distance, so that they are still safe when a track moves a little; more for
+    threats that are not known well: twice their standard deviation, but no more than the safety distance again."""
     min_separation_m: float = 10.0
     formulation: Formulation = Formulation.OPERATIONAL
     objective: Objective = Objective.LETTER
@@ -138,7 +141,13 @@ def decide(
     return replace(decision if kept is None else kept, iterations=glance.iterations + decision.iterations)
 
 
-def flight_rules(rules: PlanningRules) -> FlightRules:
+def margin_m(rules: PlanningRules, sigmas: Iterable[Sigma]) -> float:
+    """Return what a plan keeps on top of the safety distance, metres."""
+    doubt_m = max((_DOUBTS * sigma.position_m for sigma in sigmas), default=0.0)
+    return max(rules.safety_margin_m, min(doubt_m, rules.safety_distance_m))
+
+
+def flight_rules(rules: PlanningRules, sigmas: Iterable[Sigma]) -> FlightRules:
     """Return what flights to hover points keep to when they depart.
 
     Half of the margin that hover points keep on top of the safety distance: what was planned a moment ago is still good
@@ -146,7 +155,7 @@ def flight_rules(rules: PlanningRules) -> FlightRules:
     """
     return FlightRules(
         horizon_s=rules.horizon_s,
-        safety_distance_m=rules.safety_distance_m + rules.safety_margin_m / 2,
+        safety_distance_m=rules.safety_distance_m + margin_m(rules, sigmas) / 2,
         separation_m=rules.min_separation_m,
         airspace=replace(rules.airspace, floor_m=rules.limits.floor_m, ceiling_m=rules.limits.ceiling_m),
     )
@@ -166,6 +175,7 @@ def _decide_for(
         target_error_m=_target_m(rules),
         warm_start=situation.flying,
         until_settled=True,
+        thorough_bound=False,
     )
     decision = Decision(
         placement=placement,
@@ -177,20 +187,43 @@ def _decide_for(
     )
     if placement.status is Status.INFEASIBLE:
         return decision
+    decision = _ordered(decision, placement, problem, situation, rules)
+    climb = max((mover.speed_mps / mover.climb_mps for mover in situation.movers), default=1.0)
+    turned = nearer(problem, placement, tolerance=rules.keep_margin, climb=climb)
+    if turned is None or not _about_as_good(turned, placement, rules):
+        return decision
+    sooner = _ordered(decision, turned, problem, situation, rules)
+    if not sooner.orders or (decision.orders and _slowest_s(decision, situation) <= _slowest_s(sooner, situation)):
+        return decision
+    return sooner
+
+
+def _about_as_good(turned: Placement, placement: Placement, rules: PlanningRules) -> bool:
+    """Whether a placement may stand for another that its hosts reach later: it meets the target if the other does."""
+    target_m = _target_m(rules)
+    return target_m is None or not worst_error_m(placement) <= target_m < worst_error_m(turned)
+
+
+def _ordered(
+    decision: Decision, placement: Placement, problem: Problem, situation: Situation, rules: PlanningRules
+) -> Decision:
+    """The decision with this placement and the orders that carry it out, or the reason why nothing does."""
+    lead_s = decision.window_start_s - situation.now_s
     placement = replace(placement, hosts=tuple(_within_limits(pose, rules.limits) for pose in placement.hosts))
-    too_near = _too_near(placement, situation, rules, lead_s, left_out)
+    decision = replace(decision, placement=placement)
+    too_near = _too_near(placement, situation, rules, lead_s, decision.left_out)
     if too_near is not None:
-        return replace(decision, placement=placement, reason=too_near)
+        return replace(decision, reason=too_near)
     orders = orders_for(
         placement,
         situation.movers,
         threats_now=situation.threats,
         threats_then=problem.threats,
-        rules=flight_rules(rules),
+        rules=flight_rules(rules, situation.sigmas),
         standing=situation.standing,
     )
     if isinstance(orders, NoSafeFlight):
-        return replace(decision, placement=placement, reason=orders.reason)
+        return replace(decision, reason=orders.reason)
     flown_by = {pose.host: order.host for pose, order in zip(placement.hosts, orders, strict=False)}
     return replace(decision, placement=renamed(placement, flown_by), orders=orders)
 
@@ -203,7 +236,7 @@ def _problem(situation: Situation, rules: PlanningRules, lead_s: float) -> Probl
         ),
         rig=rules.rig,
         horizon_s=rules.horizon_s,
-        safety_distance_m=rules.safety_distance_m + rules.safety_margin_m,
+        safety_distance_m=rules.safety_distance_m + margin_m(rules, situation.sigmas),
         formulation=rules.formulation,
         objective=rules.objective,
         min_separation_m=rules.min_separation_m,

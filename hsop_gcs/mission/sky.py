@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping
+from types import MappingProxyType
 
 from hsop_gcs.assignment import Flight, Mover
 from hsop_gcs.fleet import Fleet, Host
@@ -9,7 +10,7 @@ from hsop_gcs.link.pump import Link
 from hsop_gcs.mission.core import MissionState
 from hsop_gcs.mission.dispatch import mover_of
 from hsop_gcs.mission.gates import Aircraft, Closed, closed
-from hsop_gcs.mission.traffic import Traffic
+from hsop_gcs.mission.traffic import Blocked, Traffic
 from hsop_gcs.placement.problem import Point
 from hsop_gcs.reports import Site
 
@@ -63,7 +64,9 @@ class Sky:
             if host_id in found and aircraft.position_m is not None and aircraft.state.in_air
         )
 
-    def traffic(self, mission: MissionState, now_s: float, resting: frozenset[str] = frozenset()) -> Traffic:
+    def traffic(
+        self, mission: MissionState, now_s: float, blocked: Mapping[str, Blocked] = MappingProxyType({})
+    ) -> Traffic:
         """Return everything the traffic rules look at."""
         return Traffic(
             mission=mission,
@@ -71,7 +74,7 @@ class Sky:
             unavailable={host_id: at.reason for host_id, at in self.closed(mission, now_s).items()},
             limits=self._fleet.limits,
             now_s=now_s,
-            resting=resting,
+            blocked=blocked,
         )
 
     def hosts_m(self) -> dict[str, Point]:

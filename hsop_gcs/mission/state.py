@@ -17,6 +17,9 @@ from hsop_gcs.detections.assimilate import SOURCE
 from hsop_gcs.mission.pipeline import Decision, Sigma, Situation
 from hsop_gcs.tracks import Track, TrackStatus
 
+_TRUSTED_S = 3.0
+"""So long after it is made a plan is held against where threats are, not where they will be: hosts must get going."""
+
 
 class Autonomy(StrEnum):
     """Who decides that a plan flies."""
@@ -51,8 +54,8 @@ class ReplanRules:
 
     horizon_s: float = 10.0
     departure_m: float = 5.0
-    """A threat this far from its prediction has departed from it, on top of what was and is uncertain. A plan made when
-    a threat was predicted worse than to twice this is made again when all are predicted better than to this."""
+    """A threat this far from its prediction has departed from it, on top of what is uncertain now and, until it is
+    known to this, of what was uncertain then."""
     retry_s: float = 2.0
     """Between attempts while no plan can be made."""
     velocity_wait_s: float = 1.5
@@ -110,23 +113,19 @@ def replan_reason(
         if threat_id not in {track.id for track in tracks}:
             return f"threat {threat_id} left"
     moments = [(now_s, "is")]
-    if now_s > newest.made_at_s + rules.horizon_s / 2:
-        moments.append((newest.expires_at_s, "will be"))
-    starts_s, all_known, sharpened = max(now_s, newest.decision.window_start_s), True, ""
+    if now_s > newest.made_at_s + _TRUSTED_S:
+        moments += [(max(now_s, newest.decision.window_start_s), "will be"), (newest.expires_at_s, "will be")]
     for track in tracks:
         before, now = newest.sigmas[track.id], Sigma(position_m=track.sigma_m, velocity_mps=track.velocity_sigma_mps)
+        is_known = now.position_m < rules.departure_m
         for at_s, verb in moments:
             predicted_m = planned[track.id].predicted_m(at_s - newest.decision.window_start_s)
             departed_m = math.dist(predicted_m, track.position_at(at_s))
-            doubt_m = math.hypot(now.after(at_s - track.time_s), before.after(at_s - newest.asked_at_s))
+            doubt_m = now.after(at_s - track.time_s)
+            if not is_known:
+                doubt_m = math.hypot(doubt_m, before.after(at_s - newest.asked_at_s))
             if departed_m > rules.departure_m + 3 * doubt_m:
                 return f"threat {track.id} {verb} {departed_m:.0f} m from its prediction"
-        then_m, now_m = before.after(starts_s - newest.asked_at_s), now.after(starts_s - track.time_s)
-        all_known = all_known and now_m < rules.departure_m
-        if then_m > 2 * rules.departure_m:
-            sharpened = f"threat {track.id} is predicted to {now_m:.1f} m now, {then_m:.1f} m before"
-    if all_known and sharpened:
-        return sharpened
     if newest.decision.left_out and now_s > newest.made_at_s + rules.horizon_s:
         return f"threat {next(iter(newest.decision.left_out))} was left out"
     for order in newest.decision.orders:

@@ -14,26 +14,41 @@ Pure: the mission and its aircraft go in, inputs for the mission come out. The s
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
-from hsop_gcs.assignment import Flight, FlightRules, Mover, in_the_way, safe_route, why_unsafe
+from hsop_gcs.assignment import Flight, FlightRules, Mover, gains_by_staying, in_the_way, safe_route, why_unsafe
 from hsop_gcs.fleet import FlightLimits
 from hsop_gcs.mission.core import HostDeparted, HostRetried, HostSetAside, HostStopped, MissionState, situation
 from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus
 from hsop_gcs.mission.gates import Aircraft
-from hsop_gcs.mission.pipeline import flight_rules
+from hsop_gcs.mission.pipeline import Situation, flight_rules
 from hsop_gcs.placement.airspace import Airspace
-from hsop_gcs.placement.problem import Point, Threat
+from hsop_gcs.placement.problem import Point
 
 Move = HostDeparted | HostStopped | HostRetried | HostSetAside
 
-_WATCH_AHEAD_S = 5.0
-"""How far ahead a flying host is watched for threats: a stop takes three seconds, and what is predicted for later will
-have changed by then, so that a host that heeded it would stop and go all the way."""
+_TURN_AHEAD_S, _STOP_AHEAD_S = 5.0, 3.0
+"""How far ahead a flying host is watched for threats, to turn aside and, where it cannot, to stop, which takes so long;
+one that would then be nearer to a threat flies on.
+What is predicted for later will have changed by then: a host that heeded it would stop and go all the way."""
+_SEEK_EVERY_S = 1.0
+"""Between attempts to find a way for a host that waits: seeking one takes long."""
 _TURN_EVERY_S = 2.0
 """No host turns aside, or departs after a stop, more often: tracks of threats waver, and every order takes time."""
 _STOP_EARLIER_M = 1.0
 """How much nearer than planned two hosts come before one of them is stopped."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Blocked:
+    """A host whose order waits does not depart now."""
+
+    host: str
+    order_id: str
+    time_s: float
+    reason: str
+    """For a person."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,51 +60,49 @@ class Traffic:
     unavailable: Mapping[str, str]
     limits: FlightLimits
     now_s: float
-    resting: frozenset[str] = frozenset()
-    """Waiting hosts for which a way was sought in vain a moment ago: seeking one takes long."""
+    blocked: Mapping[str, Blocked] = field(default_factory=lambda: MappingProxyType({}))
+    """Who waited the last time, and why."""
 
-    def moves(self) -> Iterator[Move]:
+    def moves(self) -> Iterator[Move | Blocked]:
         """Yield what is to be done now, hosts that depart first before those that wait for them."""
-        threats = situation(self.mission, (), self.now_s).threats
+        known = situation(self.mission, (), self.now_s)
         for host, progress in sorted(self.mission.progress.items(), key=lambda item: item[1].rank):
             if self.aircraft[host].position_m is None:
                 continue
             if progress.status is OrderStatus.WAITING:
-                rested = progress.departures == 0 or self._calm(progress)
-                if rested and host not in self.resting and self.why_waiting(host) is None:
-                    route = self._route(host, progress, threats)
-                    if not isinstance(route, str):
-                        yield HostDeparted(time_s=self.now_s, host=host, route_m=route)
+                if (progress.departures == 0 or self._calm(progress)) and self._may_seek(host, progress):
+                    yield self._departure(host, progress, known)
             elif progress.flying:
-                yield from self._watched(host, progress, threats)
+                yield from self._watched(host, progress, known)
             elif progress.status is OrderStatus.FAILED and self._current(progress):
                 yield self._after_failure(host, progress)
 
-    def why_waiting(self, host: str) -> str | None:
-        """Return why a host whose order waits does not depart, as far as it is not the way's fault."""
-        progress, flying = self.mission.progress[host], self.mission.plans.flying
+    def _may_seek(self, host: str, progress: OrderProgress) -> bool:
+        last = self.blocked.get(host)
+        return last is None or last.order_id != progress.order_id or self.now_s >= last.time_s + _SEEK_EVERY_S
+
+    def _departure(self, host: str, progress: OrderProgress, known: Situation) -> HostDeparted | Blocked:
+        way = self._why_not_sent(host, progress) or self._way(host, progress, known)
+        if isinstance(way, str):
+            return Blocked(host=host, order_id=progress.order_id, time_s=self.now_s, reason=way)
+        return HostDeparted(time_s=self.now_s, host=host, route_m=way)
+
+    def _why_not_sent(self, host: str, progress: OrderProgress) -> str | None:
+        """Why a host's order must not be sent, as far as it is not the way's fault."""
+        flying = self.mission.plans.flying
         if not self._current(progress) or flying is None:
             return "its plan does not fly any more"
         if self.now_s > flying.expires_at_s:
             return "its order is stale: the plan has run out"
         return self.unavailable.get(host)
 
-    def why_blocked(self, host: str) -> str | None:
-        """Return what a waiting host waits for, for a person; None if it is about to depart."""
-        waits = self.why_waiting(host)
-        if waits is not None:
-            return waits
-        threats = situation(self.mission, (), self.now_s).threats
-        route = self._route(host, self.mission.progress[host], threats)
-        return route if isinstance(route, str) else None
-
-    def _route(self, host: str, progress: OrderProgress, threats: tuple[Threat, ...]) -> tuple[Point, ...] | str:
+    def _way(self, host: str, progress: OrderProgress, known: Situation) -> tuple[Point, ...] | str:
         """The way to fly now: the planned one, or another if it is not safe any more; or what is in the way."""
-        mover, rules = self._mover(host), flight_rules(self.mission.rules.planning)
+        mover, rules = self._mover(host), flight_rules(self.mission.rules.planning, known.sigmas)
         route = progress.ahead_m
-        unsafe = why_unsafe(mover, route, threats, rules)
+        unsafe = why_unsafe(mover, route, known.threats, rules)
         if unsafe is not None:
-            found = safe_route(mover, progress.order.position_m, threats, rules)
+            found = safe_route(mover, progress.order.position_m, known.threats, rules)
             if found is None:
                 return unsafe
             route = found.points_m
@@ -97,20 +110,23 @@ class Traffic:
         other = in_the_way(flight, self._others(host, progress), rules.separation_m)
         return route if other is None else f"waits for {other} to pass"
 
-    def _watched(self, host: str, progress: OrderProgress, threats: tuple[Threat, ...]) -> Iterator[Move]:
+    def _watched(self, host: str, progress: OrderProgress, known: Situation) -> Iterator[Move]:
         """A flying host is turned aside or stopped before it comes too near to a threat or to another host."""
         planning = self.mission.rules.planning
-        mover, rules = self._mover(host), flight_rules(planning)
+        mover, rules = self._mover(host), flight_rules(planning, known.sigmas)
         near = replace(rules, safety_distance_m=planning.safety_distance_m, airspace=Airspace())
         flight = Flight(host=host, points_m=(mover.position_m, *progress.ahead_m))
-        unsafe = why_unsafe(mover, progress.ahead_m, threats, near, within_s=_WATCH_AHEAD_S)
+        unsafe = why_unsafe(mover, progress.ahead_m, known.threats, near, within_s=_TURN_AHEAD_S)
         if unsafe is not None:
-            may_turn = self.why_waiting(host) is None and self._calm(progress)
-            other_way = self._way_around(flight, progress, threats, rules) if may_turn else None
+            may_turn = self._calm(progress) and self._why_not_sent(host, progress) is None
+            other_way = self._way_around(flight, progress, known, rules) if may_turn else None
             if other_way is not None:
                 yield HostDeparted(time_s=self.now_s, host=host, route_m=other_way)
-            else:
-                yield HostStopped(time_s=self.now_s, host=host, gate="threat", reason=f"its flight {unsafe}")
+                return
+            unsafe = why_unsafe(mover, progress.ahead_m, known.threats, near, within_s=_STOP_AHEAD_S)
+        soon = {"horizon_s": near.horizon_s, "within_s": _STOP_AHEAD_S}
+        if unsafe is not None and gains_by_staying(mover, progress.ahead_m, known.threats, **soon):
+            yield HostStopped(time_s=self.now_s, host=host, gate="threat", reason=f"its flight {unsafe}")
             return
         other = in_the_way(flight, self._others(host, progress, flying_only=True), near.separation_m - _STOP_EARLIER_M)
         if other is not None:
@@ -118,9 +134,9 @@ class Traffic:
             yield HostStopped(time_s=self.now_s, host=host, gate="separation", reason=reason)
 
     def _way_around(
-        self, flight: Flight, progress: OrderProgress, threats: tuple[Threat, ...], rules: FlightRules
+        self, flight: Flight, progress: OrderProgress, known: Situation, rules: FlightRules
     ) -> tuple[Point, ...] | None:
-        found = safe_route(self._mover(flight.host), progress.order.position_m, threats, rules)
+        found = safe_route(self._mover(flight.host), progress.order.position_m, known.threats, rules)
         if found is None:
             return None
         around = replace(flight, points_m=(flight.points_m[0], *found.points_m))

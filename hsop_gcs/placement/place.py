@@ -43,6 +43,7 @@ def place(
     target_error_m: float | None = None,
     warm_start: Placement | None = None,
     until_settled: bool = False,
+    thorough_bound: bool = True,
 ) -> Placement:
     """Say where hosts hover, where they look and which camera sees which threat.
 
@@ -53,8 +54,8 @@ def place(
     the letter's choice of cameras. target_error_m: instead of ``n_hosts``, the smallest number that brings every
     threat's expected error to this, metres, and if none does, the largest. warm_start: an earlier placement, of almost
     the same threats, to start the search from. until_settled: the search may stop before its time when nothing has been
-    gained for a while. Poses carry the ids of ``problem.hosts``, shared out for short flights, or h1, h2,
-    ... if there are none.
+    gained for a while. thorough_bound: False spares the time of a tight lower bound. Poses carry the ids of
+    ``problem.hosts``, shared out for short flights, or h1, h2, ... if there are none.
     Raises BadInput for no threats, a number of hosts outside 2 .. 2 N_t, initial observers without positions, and
     what the method cannot do.
     """
@@ -91,6 +92,7 @@ def place(
             warm_start=warm_start,
             target_error_m=target_error_m,
             until_settled=until_settled,
+            thorough_bound=thorough_bound,
         )
         search.deadline = now() + REASONING_S
     else:

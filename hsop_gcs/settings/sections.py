@@ -91,6 +91,7 @@ class TracksSection(Section):
     default_sigma_m: Positive = _TRACKS.default_sigma_m
     confirm_at_once: ConfirmAtOnce = _TRACKS.confirm_at_once
     timeout_s: Positive = _TRACKS.timeout_s
+    acceleration_psd_m2ps3: Positive = _TRACKS.acceleration_psd_m2ps3
 
 
 class LimitsSection(Section):

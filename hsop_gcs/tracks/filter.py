@@ -158,10 +158,9 @@ def surely_within(state: State, report: Report, gate: float, rules: TrackRules) 
 def first_state(report: Report, rules: TrackRules) -> State:
     """Return what one report alone says; a velocity it does not give is zero, give or take how fast threats fly."""
     known = report.velocity_mps is not None
-    velocity_sigma = _velocity_sigma(report, rules) if known else rules.first_velocity_sigma_mps
-    position, velocity = _position_sigma(report, rules) ** 2, velocity_sigma**2
-    noise = np.zeros((6, 6))
-    noise[_NUMBERS, _NUMBERS] = (position, position, position, velocity, velocity, velocity)
+    level = _velocity_sigma(report, rules) if known else rules.first_velocity_sigma_mps
+    climb = level if known else rules.first_climb_sigma_mps
+    noise = np.diag(np.square([*[_position_sigma(report, rules)] * 3, level, level, climb]))
     if report.covariance_m2 is not None:
         noise[:3, :3] = report.covariance_m2
     return State(report.time_s, np.array((*report.position_m, *(report.velocity_mps or _AT_REST))), noise)

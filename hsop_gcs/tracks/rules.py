@@ -38,7 +38,9 @@ class TrackRules:
     """Of a velocity whose source does not say."""
     min_velocity_sigma_mps: float = 0.05
     first_velocity_sigma_mps: float = 10.0
-    """How fast threats fly, each axis, before anything shows it."""
+    """How fast threats fly, each horizontal axis, before anything shows it."""
+    first_climb_sigma_mps: float = 3.0
+    """And how fast they climb or sink."""
     velocity_known_sigma_mps: float = 3.0
     """A velocity is known once its standard deviation, each axis, is below this."""
 

@@ -8,7 +8,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hsop_gcs.assignment import Departure, Flight, FlightRules, Mover, NoSafeFlight, arrange, in_the_way
+from hsop_gcs.assignment import (
+    Departure,
+    Flight,
+    FlightRules,
+    Mover,
+    NoSafeFlight,
+    arrange,
+    in_the_way,
+    safe_route,
+)
+from hsop_gcs.assignment.routes import Route
 from hsop_gcs.assignment.separation import WANDER_M, gap_m
 from hsop_gcs.placement.airspace import Airspace
 from hsop_gcs.placement.problem import Point, Threat
@@ -28,9 +38,15 @@ def mover(name: str, position_m: Point) -> Mover:
     return Mover(id=name, position_m=position_m, speed_mps=8.0)
 
 
+def routes(goals_m: dict[str, Point], movers: tuple[Mover, ...], threats: tuple[Threat, ...] = ()) -> dict[str, Route]:
+    by_id = {each.id: each for each in movers}
+    found = {host: safe_route(by_id[host], goal_m, threats, RULES) for host, goal_m in goals_m.items()}
+    return {host: route for host, route in found.items() if route is not None}
+
+
 def arranged(goals_m: dict[str, Point], *at: Point, threats: tuple[Threat, ...] = ()) -> tuple[Departure, ...]:
     movers = tuple(mover(f"h{number}", place) for number, place in enumerate(at, start=1))
-    departures = arrange(goals_m, movers, threats, RULES)
+    departures = arrange(routes(goals_m, movers, threats), movers, threats, RULES)
     assert not isinstance(departures, NoSafeFlight), departures.reason
     return departures
 
@@ -105,7 +121,8 @@ def test_whoever_flies_at_whatever_speed_nobody_comes_near_anybody(
 ) -> None:
     at = {f"h{number}": place for number, place in enumerate(starts)}
     goals_m = dict(zip(at, goals, strict=False))
-    departures = arrange(goals_m, tuple(mover(host, place) for host, place in at.items()), (), RULES)
+    movers = tuple(mover(host, place) for host, place in at.items())
+    departures = arrange(routes(goals_m, movers), movers, (), RULES)
     if isinstance(departures, NoSafeFlight):
         assert "cannot pass each other" in departures.reason
         return
@@ -123,7 +140,7 @@ def test_nearly_every_wild_fleet_gets_where_it_should() -> None:
             continue
         movers = tuple(mover(f"h{number}", point) for number, point in enumerate(points[:6]))
         goals_m = dict(zip((each.id for each in movers), points[6:], strict=True))
-        assert not isinstance(arrange(goals_m, movers, (), RULES), NoSafeFlight)
+        assert not isinstance(arrange(routes(goals_m, movers), movers, (), RULES), NoSafeFlight)
         arrived += 1
     assert arrived >= 10
 
@@ -151,7 +168,7 @@ def test_two_that_meet_head_on_pass_in_layers() -> None:
 def test_two_that_change_places_do_not() -> None:
     at = {"h1": (0.0, 0.0, 40.0), "h2": (60.0, 0.0, 40.0)}
     movers = tuple(mover(host, place) for host, place in at.items())
-    refused = arrange({"h1": at["h2"], "h2": at["h1"]}, movers, (), RULES)
+    refused = arrange(routes({"h1": at["h2"], "h2": at["h1"]}, movers), movers, (), RULES)
     assert isinstance(refused, NoSafeFlight)
     assert refused.reason == "hosts h1 and h2 cannot pass each other with 10 m between them"
 
@@ -169,7 +186,8 @@ def test_an_idle_host_gives_way_and_one_that_cannot_be_sent_does_not() -> None:
     assert {each.host for each in departures} == {"h1", "h2"}
     assert min(flown(departures, at).least_m.values()) >= SEPARATION_M - WANDER_M
     standing = Flight(host="h2", points_m=((100.0, 3.0, 40.0),))
-    refused = arrange({"h1": (100, 0, 40)}, (mover("h1", at["h1"]),), (), RULES, standing=(standing,))
+    movers = (mover("h1", at["h1"]),)
+    refused = arrange(routes({"h1": (100, 0, 40)}, movers), movers, (), RULES, standing=(standing,))
     assert isinstance(refused, NoSafeFlight)
     assert refused.reason == "hosts h1 and h2 cannot pass each other with 10 m between them"
 

@@ -82,7 +82,7 @@ def test_a_gimbal_that_stepped_between_two_samples_is_anywhere_between_them() ->
     pose = history((10.0, 0.0, 0.0), (10.2, 0.0, 0.0), pans_deg=(358.0, 2.0)).at(10.1, LIMIT_S)
     assert pose.aim is not None
     assert wrap_deg(pose.aim.pan_deg) == pytest.approx(0.0, abs=1e-9 * DEGREE)
-    assert math.degrees(pose.aim_sigma_rad) == pytest.approx(2.0, abs=1e-9 * DEGREE)
+    assert math.degrees(pose.aim_sigma_rad) == pytest.approx(math.hypot(2.0, 20.0 * 0.02), abs=1e-9 * DEGREE)
     assert pose.attitude_sigma_rad == 0.0
 
 

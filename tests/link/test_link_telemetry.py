@@ -230,6 +230,20 @@ def test_the_frame_bits_say_from_where_the_gimbal_counts_and_else_the_yaw_lock(f
     assert aim.tilt_deg == pytest.approx(-20.0, abs=1e-6 * DEGREE)
 
 
+@pytest.mark.parametrize(("later_ms", "turned_deg"), [(40, 2.4), (-20, -1.2), (900, 0.0)])
+def test_while_the_vehicle_turns_its_gimbal_is_told_from_where_the_nose_was_then(
+    later_ms: int, turned_deg: float
+) -> None:
+    telemetry = Telemetry(1)
+    attitude = Attitude(time_boot_ms=5000, yaw=math.radians(100.0), yawspeed=math.radians(60.0))
+    telemetry.receive(attitude, 5.0)
+    flags = GimbalFlags.YAW_IN_VEHICLE_FRAME
+    status = GimbalDeviceAttitudeStatus(time_boot_ms=5000 + later_ms, flags=flags, q=rotation(30.0, 0.0))
+    telemetry.receive(status, 5.0 + later_ms / 1000)
+    assert telemetry.state.gimbal is not None
+    assert telemetry.state.gimbal.pan_deg == pytest.approx(130.0 + turned_deg, abs=1e-6 * DEGREE)
+
+
 def test_a_gimbal_that_counts_from_an_unknown_nose_says_nothing() -> None:
     status = GimbalDeviceAttitudeStatus(flags=GimbalFlags.YAW_IN_VEHICLE_FRAME, q=rotation(30.0, 0.0))
     assert gimbal_aim(status, None) is None

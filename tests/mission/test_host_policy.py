@@ -9,7 +9,7 @@ import pytest
 
 from hsop_gcs.assignment import Mover
 from hsop_gcs.mission.core import MissionStarted, Rules
-from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation, TargetError, decide
+from hsop_gcs.mission.pipeline import Decision, PlanningRules, Sigma, Situation, TargetError, decide
 from hsop_gcs.mission.records import from_record, to_record
 from hsop_gcs.placement.problem import Threat
 from hsop_gcs.placement.solution import worst_error_m
@@ -47,6 +47,16 @@ def test_too_few_hosts_for_any_plan_are_an_answer(hosts: int, reason: str) -> No
     decision = decided(situation(2, hosts), "all")
     assert decision.orders == ()
     assert reason in decision.reason
+
+
+@pytest.mark.parametrize(("sigma_m", "away_m"), [(0.5, 24.0), (6.0, 32.0), (40.0, 40.0)])
+def test_the_less_is_known_of_a_threat_the_farther_away_its_hosts_hover(sigma_m: float, away_m: float) -> None:
+    asked = situation(1, 2)
+    unsure = replace(asked, sigmas=(Sigma(position_m=sigma_m, velocity_mps=0.0),))
+    (threat,) = asked.threats
+    at_rest = replace(unsure, threats=(replace(threat, velocity_mps=(0.0, 0.0, 0.0)),))
+    poses = decided(at_rest, "all").placement.hosts
+    assert min(math.dist(pose.position_m, threat.position_m) for pose in poses) == pytest.approx(away_m, rel=0.05)
 
 
 def test_a_target_error_takes_no_more_hosts_than_it_needs() -> None:

@@ -129,9 +129,9 @@ def test_a_plan_for_a_coarse_track_waits_until_it_is_known_well() -> None:
     report = Report(source="r", threat_id="t1", time_s=104.0, position_m=(20.0, 0.0, 40.0), sigma_m=10.0)
     still_coarse = begin("t1", report, now_s=104.0, rules=TrackRules())
     assert replan_reason(coarse, (still_coarse,), HOSTS, 104.0, RULES) is None
-    assert replan_reason(coarse, (track("t1", 108, 20),), HOSTS, 108.0, RULES) == (
-        "threat t1 is predicted to 0.5 m now, 15.0 m before"
-    )
+    known = (track("t1", 108, 20),)
+    assert replan_reason(coarse, known, HOSTS, 108.0, RULES) == "threat t1 is 12 m from its prediction"
+    assert replan_reason(coarse, (track("t1", 108, 8),), HOSTS, 108.0, RULES) is None
 
 
 def test_a_decision_that_keeps_the_flying_plan_gives_it_more_time() -> None:

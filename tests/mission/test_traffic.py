@@ -37,7 +37,7 @@ from hsop_gcs.mission.gates import Aircraft
 from hsop_gcs.mission.pipeline import Decision
 from hsop_gcs.mission.records import from_record, to_record
 from hsop_gcs.mission.state import Autonomy
-from hsop_gcs.mission.traffic import Traffic
+from hsop_gcs.mission.traffic import Blocked, Traffic
 from hsop_gcs.placement.problem import Formulation, Objective, Point
 from hsop_gcs.placement.solution import Placement, Status
 from hsop_gcs.reports import Report
@@ -86,11 +86,18 @@ def moved(
     mission: MissionState, now_s: float = NOW_S, closed: str = "", **at: Point
 ) -> tuple[MissionState, list[Input]]:
     """The mission after what traffic does with it, each input having been through the journal."""
-    moves: list[Input] = list(traffic(mission, now_s, closed, **at).moves())
+    seen = traffic(mission, now_s, closed, **at).moves()
+    moves: list[Input] = [each for each in seen if not isinstance(each, Blocked)]
     for given in moves:
         assert from_record(*to_record(given), given.time_s) == given
         mission = apply(mission, given)
     return mission, moves
+
+
+def blocked(mission: MissionState, host: str, now_s: float = NOW_S, closed: str = "", **at: Point) -> str | None:
+    """Why a host that waits does not depart."""
+    found = [each for each in traffic(mission, now_s, closed, **at).moves() if isinstance(each, Blocked)]
+    return next((each.reason for each in found if each.host == host), None)
 
 
 def spoke(mission: MissionState, kind: type[Any], host: str = "h1", **details: Any) -> MissionState:
@@ -116,7 +123,7 @@ def test_the_second_waits_until_what_is_left_of_the_first_ones_line_is_clear() -
     waits = (60.0, -50.0, 40.0)
     mission, moves = moved(mission, h2=waits)
     assert [move.host for move in moves if isinstance(move, HostDeparted)] == ["h1"]
-    assert traffic(mission, h2=waits).why_blocked("h2") == "waits for h1 to pass"
+    assert blocked(mission, "h2", h2=waits) == "waits for h1 to pass"
     mission, moves = moved(mission, h1=(65.0, 0.0, 40.0), h2=waits)
     assert moves == []
     mission, moves = moved(mission, h1=(71.0, 0.0, 40.0), h2=waits)
@@ -126,10 +133,10 @@ def test_the_second_waits_until_what_is_left_of_the_first_ones_line_is_clear() -
 def test_a_host_behind_a_closed_gate_and_a_stale_order_stay() -> None:
     mission = flying(("h1", (0, 50, 40)))
     assert moved(mission, closed="h1")[1] == []
-    assert traffic(mission, closed="h1").why_blocked("h1") == "the battery is low"
+    assert blocked(mission, "h1", closed="h1") == "the battery is low"
     late_s = NOW_S + 15.1
     assert moved(mission, late_s)[1] == []
-    assert traffic(mission, late_s).why_blocked("h1") == "its order is stale: the plan has run out"
+    assert blocked(mission, "h1", late_s) == "its order is stale: the plan has run out"
 
 
 def test_a_threat_that_moves_into_the_way_turns_a_flight_aside() -> None:
@@ -150,18 +157,35 @@ def test_a_threat_that_moves_into_the_way_turns_a_flight_aside() -> None:
 def test_without_a_way_around_the_host_stops_and_goes_on_when_there_is_one() -> None:
     mission, _ = moved(flying(("h1", (0, 90, 40))))
     over_goal = reported(mission, (0.0, 95.0, 40.0), NOW_S + 1)
-    stopped, moves = moved(over_goal, NOW_S + 1, h1=(0.0, 40.0, 40.0))
+    assert moved(over_goal, NOW_S + 1, h1=(0.0, 40.0, 40.0))[1] == [], "there is time for a way around to be found"
+    stopped, moves = moved(over_goal, NOW_S + 1, h1=(0.0, 56.0, 40.0))
     (stop,) = moves
     assert isinstance(stop, HostStopped)
     assert (stop.gate, stop.reason) == ("threat", "its flight comes to 15 m from threat t2")
     assert statuses(stopped) == {"h1": "waiting"}
     old = OrderSuperseded(system=1, order_id="P1/h1")
     assert statuses(apply(stopped, HostSpoke(time_s=NOW_S, host="h1", event=old))) == {"h1": "waiting"}
-    assert moved(stopped, NOW_S + 4, h1=(0.0, 42.0, 40.0))[1] == []
+    assert moved(stopped, NOW_S + 4, h1=(0.0, 58.0, 40.0))[1] == []
     gone = apply(stopped, ThreatDismissed(time_s=NOW_S + 2, threat_id="t2"))
-    assert moved(gone, NOW_S + 2.9, h1=(0.0, 42.0, 40.0))[1] == [], "it rests for a moment"
-    _, moves = moved(gone, NOW_S + 3, h1=(0.0, 42.0, 40.0))
+    assert moved(gone, NOW_S + 2.9, h1=(0.0, 58.0, 40.0))[1] == [], "it rests for a moment"
+    _, moves = moved(gone, NOW_S + 3, h1=(0.0, 58.0, 40.0))
     assert [type(move) for move in moves] == [HostDeparted]
+
+
+def test_a_host_that_would_be_nearer_to_the_threat_if_it_stopped_flies_on() -> None:
+    mission, _ = moved(flying(("h1", (0, 90, 40))))
+    behind = Report(
+        source="radar",
+        threat_id="t2",
+        time_s=NOW_S + 3,
+        position_m=(2.0, 18.0, 40.0),
+        velocity_mps=(0, 4, 0),
+        sigma_m=0.5,
+    )
+    mission = apply(mission, ReportsArrived(time_s=NOW_S + 3, measurements=(behind,), hosts_m={}))
+    mission, moves = moved(mission, NOW_S + 3, h1=(0.0, 30.0, 40.0))
+    assert moves == []
+    assert statuses(mission) == {"h1": "sent"}
 
 
 def test_a_host_that_somebody_puts_in_the_way_stops_the_one_that_flies() -> None:
@@ -170,8 +194,9 @@ def test_a_host_that_somebody_puts_in_the_way_stops_the_one_that_flies() -> None
     (stop,) = moves
     assert isinstance(stop, HostStopped)
     assert (stop.gate, stop.reason) == ("separation", "comes too near to h2")
-    assert traffic(mission, h2=(4.0, 50.0, 40.0)).why_blocked("h1") == "waits for h2 to pass"
-    assert [type(move) for move in moved(mission, NOW_S + 2, h2=(14.0, 50.0, 40.0))[1]] == [HostDeparted]
+    later_s = NOW_S + 2
+    assert blocked(mission, "h1", later_s, h2=(4.0, 50.0, 40.0)) == "waits for h2 to pass"
+    assert [type(move) for move in moved(mission, later_s, h2=(14.0, 50.0, 40.0))[1]] == [HostDeparted]
 
 
 def test_an_order_that_fails_is_tried_again_and_then_the_host_is_planned_without() -> None:
@@ -195,6 +220,7 @@ def test_a_host_that_somebody_else_flies_is_left_to_him_until_it_is_released() -
     rc = replace(aircraft("h1", PLACES["h1"], mode="Loiter"), obeys=False)
     sky = traffic(mission)
     (given,) = replace(sky, aircraft={**sky.aircraft, "h1": rc}).moves()
+    assert isinstance(given, HostSetAside)
     mission = apply(mission, given)
     assert mission.why_aside("h1", NOW_S + 1e6) == "somebody else flies it (mode Loiter)"
     released = apply(mission, HostsReleased(time_s=NOW_S, hosts=("h1",), everyone=False))

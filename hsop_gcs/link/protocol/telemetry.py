@@ -48,6 +48,8 @@ _CLOCK_SET_S = 5.0
 """No message is this late: the vehicle's clock was set, or it restarted."""
 _CLOCK_WINDOW_S = 2.0
 """How long a message counts as the one with the shortest way: a simulator short of processor time runs slow."""
+_TURNS_ON_S = 0.3
+"""How far a vehicle's heading is carried on at its rate, to when its gimbal spoke: at 60°/s it turns 3° in between."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,6 +82,8 @@ class VehicleState:
     heading_deg: float | None = None
     roll_deg: float | None = None
     pitch_deg: float | None = None
+    yaw_rate_dps: float = 0.0
+    """Clockwise."""
     attitude_heard_s: float | None = None
     gimbal: Aim | None = None
     """Where the gimbal looks, in the earth frame."""
@@ -95,6 +99,14 @@ class VehicleState:
     """The autopilot's own pre-arm bit; ArduPilot may set it and still refuse."""
     texts: tuple[StatusLine, ...] = ()
     """The last few lines, newest last."""
+
+    def heading_at(self, time_s: float) -> float | None:
+        """Return the heading at a time near that of the attitude, degrees; None if it is not known."""
+        if self.heading_deg is None or self.attitude_heard_s is None:
+            return self.heading_deg
+        since_s = time_s - self.attitude_heard_s
+        turned_deg = self.yaw_rate_dps * since_s if abs(since_s) <= _TURNS_ON_S else 0.0
+        return (self.heading_deg + turned_deg) % 360.0
 
     def evolve(self, **changes: Any) -> "VehicleState":
         """Return the state with fields replaced: twenty times as fast as ``dataclasses.replace``, for every message."""
@@ -176,6 +188,7 @@ class Telemetry:
                     heading_deg=math.degrees(message.yaw) % 360.0,
                     roll_deg=math.degrees(message.roll),
                     pitch_deg=math.degrees(message.pitch),
+                    yaw_rate_dps=math.degrees(message.yawspeed) if math.isfinite(message.yawspeed) else 0.0,
                     attitude_heard_s=self._stamp(message.time_boot_ms, now),
                 )
             case ExtendedSysState() if message.landed_state != MavLandedState.UNDEFINED:
@@ -238,9 +251,9 @@ class Telemetry:
         self.state = self.state.evolve(ready_to_arm=ready, battery_percent=percent)
 
     def _gimbal(self, message: GimbalDeviceAttitudeStatus, now: float) -> None:
-        aim = gimbal_aim(message, self.state.heading_deg)
+        heard_s = self._stamp(message.time_boot_ms, now)
+        aim = gimbal_aim(message, self.state.heading_at(heard_s))
         if aim is not None:
-            heard_s = self._stamp(message.time_boot_ms, now)
             self.state = self.state.evolve(gimbal=aim, gimbal_heard_s=heard_s)
 
     def _text(self, message: StatusText, now: float) -> None:

@@ -42,6 +42,7 @@ def search(
     warm_start: Placement | None = None,
     target_error_m: float | None = None,
     until_settled: bool = False,
+    thorough_bound: bool = True,
 ) -> Placement:
     """Find the least costly placement, as far as the time goes.
 
@@ -50,8 +51,9 @@ def search(
     iterations: exactly so many rounds with that number instead, whatever the time.
     warm_start: an earlier placement of almost the same threats and number of hosts. target_error_m: without
     ``n_hosts``, the smallest number that brings every threat's expected error to this, metres, and if none does, the
-    largest. until_settled: stop before the deadline when nothing has been gained for a while. The same arguments give
-    the same placement; more time only improves it.
+    largest. until_settled: stop before the deadline when nothing has been gained for a while. thorough_bound: whether a
+    placement near the lower bound is worth a tighter one, if there is time, to prove it optimal and end the search.
+    The same arguments give the same placement; more time only improves it.
     """
     started = now()
     if iterations is not None:
@@ -75,7 +77,7 @@ def search(
         if course is not None:
             left = None if iterations is None else max(0, iterations - course.round)
             patience = PATIENCE_PER_THREAT * len(problem.threats) if until_settled else None
-            bound = _run_until_proven(course, executor, deadline, now, left, patience)
+            bound = _run_until_proven(course, executor, deadline, now, left, patience, thorough_bound)
         else:
             bound = lower_bound(q, executor, thorough=False)
     best = None if course is None else wanted.best(course)
@@ -176,13 +178,14 @@ def _run_until_proven(
     now: Callable[[], float],
     rounds: int | None,
     patience: int | None,
+    prove: bool,
 ) -> float:
     """Run the course to its end, or until its best is proven optimal. Returns the bound, raised for a proof."""
     bound = lower_bound(course.q, executor, thorough=False)
     first = ROUNDS_BEFORE_PROOF if rounds is None else min(rounds, ROUNDS_BEFORE_PROOF)
     run(course, executor, deadline=deadline, now=now, rounds=first)
     best = course.pool.best
-    time_for_proof = now() + PROOF_S_PER_THREAT * len(course.q.weight) < deadline
+    time_for_proof = prove and now() + PROOF_S_PER_THREAT * len(course.q.weight) < deadline
     if best is not None and best.cost.sum() <= bound * WORTH_A_PROOF and time_for_proof:
         bound = lower_bound(course.q, executor, thorough=True)
         if best.cost.sum() <= bound * (1 + PROVEN_GAP):

@@ -1,0 +1,145 @@
+"""Nearer: among placements of about the same cost, one that its hosts are sooner at.
+
+What a threat costs hardly depends on the side and the altitude from which its hosts look at it, and the search does not
+ask where they come from. So what it found is turned, part by part, around the threats that each part sees, and hosts
+keep of their altitude what they can.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from hsop_gcs.placement.problem import Problem
+from hsop_gcs.placement.search.model import Floats, Ints, Question
+from hsop_gcs.placement.search.moves import keep_clear
+from hsop_gcs.placement.search.question import frame_of, placement_of, question_of, state_of
+from hsop_gcs.placement.search.state import State, copy_state, new_state, refresh, totals
+from hsop_gcs.placement.solution import Placement
+
+_TURNS = 48
+_SWEEPS = 3
+_HEIGHTS = (0.0, 0.25, 0.5, 0.75)
+"""How much of a climb or a descent is tried."""
+
+
+def nearer(problem: Problem, placement: Placement, *, tolerance: float, climb: float) -> Placement | None:
+    """Return the placement with parts of it turned and lifted, for shorter ways from where the problem's hosts are.
+
+    tolerance: the share by which it may cost more. climb: how many metres a host flies in the time in which it climbs
+    one. None: nothing was gained.
+    """
+    if not problem.hosts:
+        return None
+    frame = frame_of(problem)
+    q = question_of(problem, frame)
+    state = state_of(problem, frame, q, placement, len(placement.hosts))
+    homes = _Homes(
+        places_m=frame.inward(np.array([host.position_m for host in problem.hosts])),
+        rigs=np.array([problem.rigs.index(host.rig or problem.rig) for host in problem.hosts]),
+        climb=climb,
+    )
+    most = (1 + tolerance) * totals(q, state)[0]
+    before = least = homes.ways(state)
+    for _ in range(_SWEEPS):
+        swept = least
+        for change in (_turned, _lifted):
+            for tried in change(q, state, homes):
+                if not _is_good(q, tried, most):
+                    continue
+                ways = homes.ways(tried)
+                if ways < least:
+                    least = ways
+                    copy_state(tried, state)
+        if least == swept:
+            break
+    if least == before:
+        return None
+    return replace(
+        placement_of(problem, frame, q, state),
+        status=placement.status,
+        lower_bound=placement.lower_bound,
+        method=placement.method,
+        seed=placement.seed,
+        iterations=placement.iterations,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Homes:
+    """Where hosts come from, in the frame of the search."""
+
+    places_m: Floats
+    rigs: Ints
+    climb: float
+
+    def ways(self, state: State) -> tuple[float, float]:
+        """The longest way and all ways together when the hosts share the hover points out, metres of level flight."""
+        ways_m, chosen = self._shared(state)
+        return float(ways_m[chosen].max()), float(ways_m[chosen].sum())
+
+    def altitudes_m(self, state: State) -> Floats:
+        """The present altitude of who takes each hover point."""
+        _, (_, takers) = self._shared(state)
+        return np.asarray(self.places_m[takers, 2])
+
+    def _shared(self, state: State) -> tuple[Floats, tuple[Ints, Ints]]:
+        apart_m = state.positions[:, None] - self.places_m[None]
+        ways_m = np.maximum(np.linalg.norm(apart_m, axis=2), self.climb * np.abs(apart_m[:, :, 2]))
+        fits = state.rigs[:, None] == self.rigs[None]
+        points, takers = linear_sum_assignment(np.where(fits, ways_m**2, 1e12))
+        return ways_m, (points, takers)
+
+
+def _turned(q: Question, state: State, _: _Homes) -> Iterator[State]:
+    """Copies with one part turned around the middle of its threats."""
+    for hosts, threats in _parts(state):
+        middle = q.points_m[threats].reshape(-1, 3).mean(axis=0)[:2]
+        for step in range(1, _TURNS):
+            angle = 2 * np.pi * step / _TURNS
+            turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+            tried = _copy(state)
+            tried.positions[hosts, :2] = (state.positions[hosts, :2] - middle) @ turn.T + middle
+            tried.axes[hosts] = state.axes[hosts] @ turn.T
+            yield tried
+
+
+def _lifted(q: Question, state: State, homes: _Homes) -> Iterator[State]:
+    """Copies with one host at an altitude nearer to its present one."""
+    for host, now_m in enumerate(homes.altitudes_m(state)):
+        for share in _HEIGHTS:
+            tried = _copy(state)
+            up_m = now_m + share * (state.positions[host, 2] - now_m)
+            tried.positions[host, 2] = np.clip(up_m, q.floor_m, q.ceiling_m)
+            yield tried
+
+
+def _parts(state: State) -> Iterator[tuple[list[int], list[int]]]:
+    """The hosts and the threats of each part of the placement that shares no host with another."""
+    left = set(range(len(state.pairs)))
+    while left:
+        threats = {min(left)}
+        while True:
+            hosts = {int(host) for threat in threats for host in state.pairs[threat]}
+            more = {threat for threat in left if hosts & set(state.pairs[threat].tolist())}
+            if more == threats:
+                break
+            threats = more
+        left -= threats
+        yield sorted(hosts), sorted(threats)
+
+
+def _is_good(q: Question, state: State, most: float) -> bool:
+    """Whether a state, its hosts pushed to where they may hover, keeps every rule and costs no more than this."""
+    for host in range(len(state.degree)):
+        keep_clear(q, state, host)
+    refresh(q, state)
+    cost, violation = totals(q, state)
+    return bool(violation <= 0 and cost <= most)
+
+
+def _copy(state: State) -> State:
+    result = new_state(*state.cost.shape, *state.degree.shape)
+    copy_state(state, result)
+    return result
