@@ -10,6 +10,7 @@ from tests.link.two_ends import BOTH, Stack, TwoEnds
 TICK_S = 0.205
 """Of the mission: a fifth of a second, and what its work takes."""
 TICKS = 30
+RUN_S = 4.0
 
 
 @BOTH
@@ -24,3 +25,16 @@ def test_an_aim_that_moves_at_every_tick_is_sent_at_every_tick(stack: Stack) -> 
     times = [at for at, _ in ends.sent(MavCmd.DO_GIMBAL_MANAGER_PITCHYAW) if at > started]
     assert len(times) >= TICKS - 2
     assert all(0.15 < later - earlier < 0.3 for earlier, later in pairwise(times))
+
+
+@BOTH
+def test_an_aim_that_moves_all_the_time_is_sent_no_more_than_five_times_a_second(stack: Stack) -> None:
+    ends = TwoEnds(stack).ready()
+    ends.order(aim=Aim(pan_deg=10.0, tilt_deg=-5.0))
+    ends.until(lambda: ends.saw(OnStation))
+    started = ends.now
+    while ends.now < started + RUN_S:
+        ends.vehicle.follow(Aim(pan_deg=10.0 + 20.0 * (ends.now - started), tilt_deg=-5.0), ends.now)
+        ends.run(0.02)
+    times = [at for at, _ in ends.sent(MavCmd.DO_GIMBAL_MANAGER_PITCHYAW) if at > started]
+    assert 4 * RUN_S <= len(times) <= 5 * RUN_S + 1

@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -43,6 +45,19 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.fixture(scope="module")
+def forged(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same mission with other orders than were given."""
+    path = tmp_path_factory.mktemp("forged") / "journal"
+    with Journal(path) as journal:
+        for entry in read(recorded):
+            data = json.loads(json.dumps(entry.data))
+            if entry.kind == "DecisionMade" and data["decision"]["orders"]:
+                data["decision"]["orders"][0]["heading_deg"] += 1.0
+            journal.append(entry.kind, data, time_s=entry.time_s)
+    return path
+
+
 def test_a_mission_replays_to_the_bit(recorded: Path) -> None:
     outcome = replay(recorded)
     assert outcome.differences == ()
@@ -63,16 +78,24 @@ def test_the_telemetry_log_of_a_mission_is_retold_and_read_by_pymavlink(recorded
     assert {("HEARTBEAT", 1), ("HEARTBEAT", 255), ("COMMAND_ACK", 1), ("ATTITUDE", 2)} <= kinds
 
 
-def test_a_journal_that_was_tampered_with_is_told_apart(recorded: Path, tmp_path: Path) -> None:
-    forged = tmp_path / "forged"
-    with Journal(forged) as journal:
-        for entry in read(recorded):
-            data = json.loads(json.dumps(entry.data))
-            if entry.kind == "DecisionMade" and data["decision"]["orders"]:
-                data["decision"]["orders"][0]["heading_deg"] += 1.0
-            journal.append(entry.kind, data, time_s=entry.time_s)
+def test_a_journal_that_was_tampered_with_is_told_apart(forged: Path) -> None:
     differences = replay(forged).differences
     assert {each.what for each in differences} == {"decision.orders[0].heading_deg"}
+
+
+def test_only_decisions_from_one_time_to_another_are_made_again(forged: Path) -> None:
+    entries = list(read(forged))
+    made_s = [entry.time_s - entries[0].time_s for entry in entries if entry.kind == "DecisionMade"]
+    before = command("--to", str(made_s[0] - 0.01), "--json", str(forged))
+    assert (before.returncode, json.loads(before.stdout)["decisions"]) == (0, 0)
+    first = command("--to", str(made_s[0] + 0.001), "--json", str(forged))
+    assert (first.returncode, json.loads(first.stdout)["decisions"]) == (1, 1)
+    rest = command("--from", str(made_s[0] + 0.001), str(forged))
+    assert f"{len(made_s) - 1} decisions" in rest.stdout
+
+
+def command(*options: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "hsop_gcs", "replay", *options], capture_output=True, text=True)
 
 
 def test_a_service_goes_on_where_its_journal_ended_and_sends_nothing_twice(recorded: Path, tmp_path: Path) -> None:
