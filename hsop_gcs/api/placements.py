@@ -14,6 +14,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
+from hsop_gcs.api.examples import ANSWERS
 from hsop_gcs.api.problems import MEDIA_TYPE
 from hsop_gcs.api.schemas import Number
 from hsop_gcs.errors import BadInput, Unavailable
@@ -34,7 +35,20 @@ _PATIENCE_S = 60.0
 class PlacementIn(BaseModel):
     """A scenario, and how to place hosts for it."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        json_schema_extra={
+            "examples": [
+                {
+                    "scenario": {
+                        "threats": [{"id": "t1", "position_m": [12.0, 40.0, 0.0], "velocity_mps": [1.5, -0.5, 0.0]}]
+                    },
+                    "n_hosts": 2,
+                }
+            ]
+        },
+    )
 
     scenario: Annotated[dict[str, Any], Field(description="a scenario file: threats, and optionally hosts, parameters")]
     n_hosts: Annotated[int | None, Field(ge=2, strict=True, description="by default the fewest that see all")] = None
@@ -152,7 +166,13 @@ def routes(what_if: WhatIf) -> APIRouter:
         "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
     }
 
-    @router.post("/placements", operation_id="postPlacement", responses=dict.fromkeys((400, 413, 422, 503), trouble))
+    shown = {"content": {"application/json": {"example": ANSWERS["PlanFile"]}}}
+
+    @router.post(
+        "/placements",
+        operation_id="postPlacement",
+        responses={200: shown, **dict.fromkeys((400, 413, 422, 503), trouble)},
+    )
     async def post_placement(given: PlacementIn) -> dict[str, Any]:
         """Place hosts for a scenario, without flying anything.
 

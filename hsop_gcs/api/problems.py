@@ -1,5 +1,6 @@
 """Every error as RFC 9457 problem+json: what is wrong, with which field, and never a stack trace."""
 
+import json
 import logging
 from collections.abc import Sequence
 from http import HTTPStatus
@@ -23,7 +24,7 @@ log = logging.getLogger(__name__)
 def problem(status: int, detail: str, **more: Any) -> JSONResponse:
     """Return a problem answer; ``more`` are extension members."""
     body = {"type": "about:blank", "title": HTTPStatus(status).phrase, "status": status, "detail": detail, **more}
-    return JSONResponse(body, status_code=status, media_type=MEDIA_TYPE)
+    return _ProblemAnswer(body, status_code=status)
 
 
 def faults_of(errors: Sequence[Any]) -> list[dict[str, str]]:
@@ -62,6 +63,15 @@ def install(app: FastAPI) -> None:
     async def _fault(request: Request, error: Exception) -> JSONResponse:
         log.error("%s %s failed", request.method, request.url.path, exc_info=error)
         return problem(500, "an internal fault; the service's log has the details")
+
+
+class _ProblemAnswer(JSONResponse):
+    """Escapes all that is not ASCII: what is shown of a bad request may be no text that UTF-8 can carry."""
+
+    media_type = MEDIA_TYPE
+
+    def render(self, content: Any) -> bytes:
+        return json.dumps(content).encode()
 
 
 class PlainErrorsAsProblems:

@@ -7,6 +7,7 @@ from fastapi.responses import JSONResponse
 from starlette.middleware.body_limit import RequestBodyLimitMiddleware
 
 from hsop_gcs.api import detections, intake, placements, views
+from hsop_gcs.api.examples import ANSWERS
 from hsop_gcs.api.problems import MEDIA_TYPE, PlainErrorsAsProblems, install, problem
 from hsop_gcs.api.schemas import (
     ApprovalIn,
@@ -99,7 +100,9 @@ def _routes(mission: Mission) -> APIRouter:
         """All threats in the picture, each at its newest report."""
         return [views.threat_out(track, mission) for track in mission.state.picture.tracks.values()]
 
-    @router.delete("/threats/{threat_id}", operation_id="dismissThreat", status_code=204, responses=_problems(404))
+    @router.delete(
+        "/threats/{threat_id:path}", operation_id="dismissThreat", status_code=204, responses=_problems(404, 422)
+    )
     async def dismiss_threat(threat_id: str) -> None:
         """Take a threat out of the picture, and refuse its sources' reports of it for five minutes."""
         mission.dismiss(threat_id)
@@ -145,7 +148,7 @@ def _routes(mission: Mission) -> APIRouter:
         """Listen to a host at another address than before. The address makes sure that it is the one looked at."""
         mission.register(wanted.host, wanted.address)
 
-    @router.get("/events", operation_id="getEvents")
+    @router.get("/events", operation_id="getEvents", responses=_problems(422))
     async def get_events(after: Annotated[int, Query(ge=0)] = 0) -> list[EventOut]:
         """What happened to hosts and orders, oldest first: the newest 500 with a number above ``after``."""
         return [views.event_out(event) for event in mission.events if event.number > after]
@@ -178,7 +181,7 @@ def _judged(results: Results) -> Results | JSONResponse:
 
 
 def _describe_more(app: FastAPI) -> None:
-    """Add to the OpenAPI document what no route's signature shows: the report's schema and the problem's."""
+    """Add to the OpenAPI document what no route's signature shows: requests judged by hand, problems and examples."""
     generate = app.openapi
 
     def openapi() -> dict[str, Any]:
@@ -202,6 +205,8 @@ def _describe_more(app: FastAPI) -> None:
                     "errors": {"type": "array", "items": {"$ref": _REF.format(model="FieldFault")}},
                 },
             }
+            for name in ANSWERS.keys() & schemas.keys():
+                schemas[name]["examples"] = [ANSWERS[name]]
         return app.openapi_schema or {}
 
     app.openapi = openapi  # type: ignore[method-assign]

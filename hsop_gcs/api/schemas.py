@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
-from pydantic import AwareDatetime, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, AwareDatetime, BaseModel, BeforeValidator, ConfigDict, Field
 
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.reports import AltitudeDatum
@@ -19,6 +19,15 @@ def _text_only(value: object) -> object:
 
 
 UtcTime = Annotated[AwareDatetime, BeforeValidator(_text_only)]
+
+
+def _printable(text: str) -> str:
+    if not text.strip() or not text.isprintable():
+        raise ValueError("must be printable and not blank")
+    return text
+
+
+Name = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_printable)]
 
 
 class _Request(BaseModel):
@@ -64,8 +73,8 @@ class ReportIn(_Request):
         }
     )
 
-    source: Annotated[str, Field(min_length=1, max_length=64)]
-    threat_id: Annotated[str, Field(min_length=1, max_length=64)] | None = None
+    source: Name
+    threat_id: Name | None = None
     time: UtcTime
     position: PositionIn
     velocity: VelocityIn | None = None

@@ -292,8 +292,8 @@ def _id(given: Mapping[str, Any], field: str) -> str:
     if "id" not in given:
         raise BadInput(f"{field}.id", "missing")
     value = given["id"]
-    if not isinstance(value, str) or not value.strip():
-        raise BadInput(f"{field}.id", f"must be a text that is not blank, not {_shown(value)}")
+    if not isinstance(value, str) or not value.strip() or not value.isprintable():
+        raise BadInput(f"{field}.id", f"must be a printable text that is not blank, not {_shown(value)}")
     return value
 
 

@@ -1,12 +1,18 @@
 """The rest of the API: hosts nobody hears, plans that are not there, and the OpenAPI document."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import httpx2
 import pytest
+from pydantic import BaseModel
 
+from hsop_gcs.api import detections, placements, schemas
 from hsop_gcs.api.schemas import ReportIn
-from tests.service import service, settings
+from tests.oracles.check_plan import check
+from tests.service import report, service, settings
+
+JSON = "application/json"
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +54,19 @@ def test_wishes_that_cannot_be_granted_are_problems(
     assert word in answer.json()["detail"]
 
 
+def test_a_fault_that_is_no_text_is_told_like_any_other(client: httpx2.Client) -> None:
+    body = b'{"scenario": {"\\ud800": 1}}'
+    answer = client.post("/api/v1/placements", content=body, headers={"content-type": JSON})
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["field"] == "scenario.\ud800"
+
+
+def test_a_threat_is_dismissed_whatever_its_source_calls_it(client: httpx2.Client) -> None:
+    client.post("/api/v1/reports", json=report("north/7 ü")).raise_for_status()
+    assert client.delete("/api/v1/threats/north%2F7%20%C3%BC").status_code == 204
+    assert client.get("/api/v1/threats").json() == []
+
+
 def test_the_wrong_method_is_a_problem_too(client: httpx2.Client) -> None:
     answer = client.get("/api/v1/reports")
     assert answer.status_code == 405
@@ -61,3 +80,36 @@ def test_the_openapi_document_shows_a_report_that_is_accepted_as_it_stands(clien
     body = document["paths"]["/api/v1/reports"]["post"]["requestBody"]["content"]["application/json"]["schema"]
     assert body["anyOf"][0] == {"$ref": "#/components/schemas/ReportIn"}
     assert {"PositionIn", "AltitudeDatum", "Problem"} <= set(document["components"]["schemas"])
+
+
+def model_of(content: dict[str, Any]) -> type[BaseModel]:
+    """The model behind a body's schema; of an array, that of its items."""
+    schema = content["schema"].get("anyOf", [content["schema"]])[0]
+    name = schema.get("items", schema)["$ref"].rsplit("/", 1)[1]
+    return next(vars(module)[name] for module in (schemas, detections, placements) if name in vars(module))
+
+
+def test_every_body_asked_for_and_answered_has_an_example_of_its_own_form(client: httpx2.Client) -> None:
+    document = client.get("/openapi.json").json()
+    components = document["components"]["schemas"]
+    operations = [each for path in document["paths"].values() for each in path.values()]
+    asked = [each["requestBody"]["content"][JSON] for each in operations if "requestBody" in each]
+    answered = [each["responses"]["200"]["content"][JSON] for each in operations if "200" in each["responses"]]
+    assert (len(asked), len(answered)) == (9, 13)
+    for model in map(model_of, asked):
+        for example in components[model.__name__]["examples"]:
+            model.model_validate(example)
+    for model in (model_of(each) for each in answered if "example" not in each):
+        for example in components[model.__name__]["examples"]:
+            assert model.model_validate(example).model_dump(mode="json") == example
+    assert "HTTPValidationError" not in str(document["paths"])
+    assert set(components["Problem"]["required"]) <= set(components["Problem"]["examples"][0])
+
+
+def test_the_placement_that_is_shown_answers_the_question_that_is_shown(client: httpx2.Client) -> None:
+    document = client.get("/openapi.json").json()
+    question = document["components"]["schemas"]["PlacementIn"]["examples"][0]
+    answer = document["paths"]["/api/v1/placements"]["post"]["responses"]["200"]["content"][JSON]["example"]
+    verdict = check(question["scenario"], answer, segment=True)
+    assert verdict["ok"], verdict["problems"]
+    assert answer["n_hosts"] == question["n_hosts"]

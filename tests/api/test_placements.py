@@ -68,6 +68,7 @@ def test_an_infeasible_scenario_is_a_plan_that_says_why(client: httpx2.Client) -
     [
         ({"scenario": {"threats": []}}, "scenario.threats"),
         ({"scenario": {"threats": [{"id": "a", "position_m": ["x", 0]}]}}, "scenario.threats[0].position_m"),
+        ({"scenario": {"threats": [{"id": "a", "position_m": [0, 0]}] * 2}}, "scenario.threats[1].id"),
         ({"scenario": {"threats": [{"id": f"t{k}", "position_m": [k, 0]} for k in range(51)]}}, "scenario.threats"),
         ({"n_hosts": 1}, "n_hosts"),
         ({"n_hosts": 5}, "n_hosts"),

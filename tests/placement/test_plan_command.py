@@ -11,6 +11,7 @@ from tests.oracles.check_plan import check
 from tests.placement.examples import SCENARIOS, read
 
 TWO = str(SCENARIOS / "2-threats-102.json")
+TWICE = '{"threats": [{"id": "a", "position_m": [0, 0]}, {"id": "a", "position_m": [9, 0]}]}'
 
 
 def plan(*arguments: str, stdin: str = "") -> subprocess.CompletedProcess[str]:
@@ -79,6 +80,7 @@ def test_an_infeasible_scenario_is_exit_3_with_one_line_and_a_plan_file_that_say
         ([str(SCENARIOS)], "", "Is a directory"),
         (["-"], "{\n  3", "-: not JSON: Expecting property name enclosed in double quotes at line 2 column 3"),
         (["-"], '{"threats": []}', "threats: there are none to place hosts for"),
+        (["-"], TWICE, "threats[1].id: 'a' is given twice"),
         (["-"], '{"threats": [{"id": "a", "position_m": [0, NaN]}]}', "threats[0].position_m: must be finite, not NaN"),
     ],
 )

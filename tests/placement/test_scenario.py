@@ -173,6 +173,8 @@ def test_without_hosts_there_is_no_limit_and_an_empty_list_is_no_host() -> None:
         ("threats.0.weight", 0, "threats[0].weight", "0"),
         ("threats.0.id", 7, "threats[0].id", "7"),
         ("threats.0.id", " ", "threats[0].id", '" "'),
+        ("threats.0.id", "a\nb", "threats[0].id", '"a\\nb"'),
+        ("hosts.0.id", "\ud800", "hosts[0].id", '"\\ud800"'),
         ("threats.0", "t1", "threats[0]", '"t1"'),
         ("hosts.1.id", "h1", "hosts[1].id", "'h1'"),
         ("hosts", None, "hosts", "null"),
