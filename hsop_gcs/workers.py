@@ -1,17 +1,52 @@
 """Worker processes that end with this one, however this one ends."""
 
 import os
+import signal
 import threading
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context, parent_process
+from contextlib import contextmanager
+from multiprocessing import parent_process, resource_tracker
+from multiprocessing.context import SpawnContext, SpawnProcess
 
-SPAWN = get_context("spawn")
+
+@contextmanager
+def deaf_to_ctrl_c() -> Iterator[None]:
+    """Have processes that are started within never hear Ctrl-C: a terminal tells all, and their parent ends them."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class _Worker(SpawnProcess):
+    def start(self) -> None:
+        resource_tracker.ensure_running()  # started within, it would end the deafness
+        with deaf_to_ctrl_c():
+            super().start()
+
+
+class _Context(SpawnContext):
+    Process = _Worker
+
+
+SPAWN = _Context()
 """Sockets, and the threads of compiled kernels, must not be copied into a worker."""
+
+
+class _Workers(ProcessPoolExecutor):
+    def __exit__(self, kind: type[BaseException] | None, error: object, trace: object) -> None:
+        """Wait for what is asked; after an error nobody wants it any more."""
+        if kind is None:
+            self.shutdown()
+        else:
+            end(self)
 
 
 def workers(processes: int = 1, *, niceness: int = 0) -> ProcessPoolExecutor:
     """Return a pool of processes. niceness: by how much they stand back behind this process."""
-    return ProcessPoolExecutor(processes, mp_context=SPAWN, initializer=_prepare, initargs=(niceness,))
+    return _Workers(processes, mp_context=SPAWN, initializer=_prepare, initargs=(niceness,))
 
 
 def end(pool: ProcessPoolExecutor) -> None:

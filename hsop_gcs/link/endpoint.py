@@ -60,7 +60,7 @@ def parse_endpoint(text: str) -> Endpoint:
     name, _, rest = text.partition(":")
     host, _, number = rest.rpartition(":")
     kind = _KINDS.get(name)
-    if kind is None or not host or any(map(str.isspace, text)):
+    if kind is None or not host or " " in text or not text.isprintable():
         raise BadInput("connection", f"{text!r} is none of {_FORMS}")
     if not number.isascii() or not number.isdigit():
         raise BadInput("connection", f"{number!r} in {text!r} is not a {'baud rate' if kind == 'serial' else 'port'}")
@@ -71,6 +71,10 @@ def parse_endpoint(text: str) -> Endpoint:
     bare = host.removeprefix("[").removesuffix("]") if host[0] == "[" and host[-1] == "]" else host
     if not bare or (":" in bare and bare == host):
         raise BadInput("connection", f"{host!r} in {text!r} is not a host (an IPv6 address needs brackets)")
+    try:
+        bare.encode("idna")
+    except UnicodeError:
+        raise BadInput("connection", f"{host!r} in {text!r} is not the name of a host") from None
     if not (0 if kind == "udpin" else 1) <= int(number) <= 65535:
         raise BadInput("connection", f"{number!r} in {text!r} is not a port")
     return Endpoint(kind, bare, int(number))

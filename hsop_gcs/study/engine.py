@@ -65,9 +65,6 @@ def _on_processes(study: Study, trials: list[Trial], jobs: int) -> Generator[Rec
             raise Unavailable(
                 "a worker process was killed; what is finished is kept: --resume goes on with it"
             ) from None
-        finally:
-            for future in running:
-                future.cancel()
 
 
 def _on_dask(study: Study, trials: list[Trial], address: str, timeout_s: float) -> Generator[Record, None, None]:

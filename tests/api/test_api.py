@@ -86,7 +86,8 @@ def model_of(content: dict[str, Any]) -> type[BaseModel]:
     """The model behind a body's schema; of an array, that of its items."""
     schema = content["schema"].get("anyOf", [content["schema"]])[0]
     name = schema.get("items", schema)["$ref"].rsplit("/", 1)[1]
-    return next(vars(module)[name] for module in (schemas, detections, placements) if name in vars(module))
+    model: type[BaseModel] = next(vars(each)[name] for each in (schemas, detections, placements) if name in vars(each))
+    return model
 
 
 def test_every_body_asked_for_and_answered_has_an_example_of_its_own_form(client: httpx2.Client) -> None:

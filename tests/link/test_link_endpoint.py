@@ -30,6 +30,8 @@ def test_an_endpoint_is_read_from_its_text_and_written_back(text: str, endpoint:
         ("udpin:14550", "none of"),
         ("udpin::14550", "none of"),
         ("udpin:a host:1", "none of"),
+        ("udpin:a\x00host:1", "none of"),
+        ("udpout:north..mast:1", "'north..mast' in 'udpout:north..mast:1' is not the name of a host"),
         ("udpin:h:65536", "'65536' in 'udpin:h:65536' is not a port"),
         ("udpin:h:x", "'x' in 'udpin:h:x' is not a port"),
         ("udpin:h:٣", "not a port"),
