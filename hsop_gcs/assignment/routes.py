@@ -25,6 +25,8 @@ _AROUND = 12
 """Detour points around each place of a threat."""
 _ALONG = 3
 """Places of a threat's predicted path that detours are laid around."""
+_GLANCES = 24
+"""Moments of a way that are looked at before the whole of it."""
 _NEAREST = 24
 """Detour points tried in pairs."""
 
@@ -71,6 +73,7 @@ def safe_route(mover: Mover, goal_m: Point, threats: tuple[Threat, ...], rules: 
     """Return the shortest route found that is safe, or None. See ``why_unsafe``."""
 
     def shortest(ways: FloatArray, shorter_than: Route | None = None) -> Route | None:
+        ways = ways[_may_be_safe(ways, mover, threats, rules)]
         lengths = np.linalg.norm(np.diff(ways, axis=1), axis=2).sum(axis=1)
         for index in np.argsort(lengths, kind="stable"):
             if shorter_than is not None and lengths[index] >= shorter_than.length_m:
@@ -124,6 +127,27 @@ def why_unsafe(
             worst = int(np.argmin(np.where(near, distances.min(axis=1), np.inf)))
             return f"comes to {distances[worst].min():.0f} m from threat {threats[worst].id}"
     return why_outside(rules.airspace, (mover.position_m, *route_m))
+
+
+def _may_be_safe(
+    ways: FloatArray, mover: Mover, threats: tuple[Threat, ...], rules: FlightRules
+) -> npt.NDArray[np.bool_]:
+    """Which of many ways, (ways, points, 3), keep their distance at a few moments each: for the others ``why_unsafe``
+    need not be asked.
+    """
+    legs = np.diff(ways, axis=1)
+    lasting_s = np.maximum(np.linalg.norm(legs, axis=2) / mover.speed_mps, np.abs(legs[:, :, 2]) / mover.climb_mps)
+    begun_s = np.cumsum(lasting_s, axis=1) - lasting_s
+    times = lasting_s.sum(axis=1)[:, None] * np.linspace(0.0, 1.0, _GLANCES)
+    shares = np.clip((times[:, None] - begun_s[:, :, None]) / np.maximum(lasting_s, 1e-9)[:, :, None], 0.0, 1.0)
+    places = ways[:, 0, :, None] + np.einsum("wlk,wlx->wxk", shares, legs)
+    safe = np.ones(len(ways), dtype=bool)
+    for threat in threats:
+        start, velocity = np.array(threat.position_m)[:, None], np.array(threat.velocity_mps)[:, None]
+        at = start + velocity * np.minimum(times, rules.horizon_s)[:, None]
+        apart_m = np.linalg.norm(places - at, axis=1)
+        safe &= (apart_m >= np.minimum(rules.safety_distance_m, apart_m[:, :1]) - 1e-9).all(axis=1)
+    return safe
 
 
 def clearance_m(mover: Mover, route_m: tuple[Point, ...], threats: tuple[Threat, ...], *, horizon_s: float) -> float:
