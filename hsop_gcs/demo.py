@@ -31,6 +31,7 @@ from hsop_gcs.errors import Unavailable
 from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
 from hsop_gcs.settings import Settings
 from hsop_gcs.simulator.truth import Truth, truth_from_json
+from hsop_gcs.workers import deaf_to_ctrl_c
 
 ORIGIN = GeodeticPoint(lat_deg=47.397742, lon_deg=8.545594, altitude_amsl_m=488.0)
 HOSTS = 4
@@ -337,7 +338,8 @@ async def _simulated_fleet(autopilot: str, port: int, service: str) -> AsyncIter
     command = [sys.executable, "-m", "hsop_gcs", "simulate", "--vehicles", str(HOSTS), "--autopilot", autopilot]
     command += ["--origin", origin, "--spacing-m", str(SPACING_M), "--target", f"127.0.0.1:{port}", "--shared-port"]
     command += ["--local-port", "0", "--exit-with-stdin", "--truth", "-", "--detections-to", service]
-    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, bufsize=1)
+    with deaf_to_ctrl_c():
+        process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, bufsize=1)
     stdin = process.stdin
     assert stdin is not None
     try:

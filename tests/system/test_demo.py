@@ -79,7 +79,8 @@ def test_an_interrupted_demonstration_leaves_no_process_behind(number: signal.Si
         if "take-off" in line:
             break
     assert len(group_of(process.pid)) >= 3, "the demonstration, the fleet and the solver should be running"
-    os.kill(process.pid, number)
+    # a terminal's Ctrl-C goes to all of them
+    (os.killpg if number == signal.SIGINT else os.kill)(process.pid, number)
     _, err = process.communicate(timeout=30)
     assert process.returncode == 130, err
     assert err.splitlines() == ["hsop-gcs: stopped"]

@@ -27,7 +27,7 @@ WORTH_A_PROOF = 1.3
 """A placement within this factor of the first bound may be optimal: then a thorough bound is worth its time."""
 PROOF_S_PER_THREAT = 0.3
 """What must be left for a thorough bound, several times what it takes."""
-PATIENCE_PER_THREAT = 4
+PATIENCE_PER_THREAT = 2
 """A search is settled when so many rounds for each threat have gained nothing."""
 
 
@@ -182,10 +182,13 @@ def _run_until_proven(
 ) -> float:
     """Run the course to its end, or until its best is proven optimal. Returns the bound, raised for a proof."""
     bound = lower_bound(course.q, executor, thorough=False)
+    if not prove:
+        run(course, executor, deadline=deadline, now=now, rounds=rounds, patience=patience)
+        return bound
     first = ROUNDS_BEFORE_PROOF if rounds is None else min(rounds, ROUNDS_BEFORE_PROOF)
     run(course, executor, deadline=deadline, now=now, rounds=first)
     best = course.pool.best
-    time_for_proof = prove and now() + PROOF_S_PER_THREAT * len(course.q.weight) < deadline
+    time_for_proof = now() + PROOF_S_PER_THREAT * len(course.q.weight) < deadline
     if best is not None and best.cost.sum() <= bound * WORTH_A_PROOF and time_for_proof:
         bound = lower_bound(course.q, executor, thorough=True)
         if best.cost.sum() <= bound * (1 + PROVEN_GAP):
