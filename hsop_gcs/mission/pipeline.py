@@ -25,8 +25,8 @@ from hsop_gcs.placement.solution import HoverPose, Placement, Status, renamed, w
 
 _ARRIVAL_TOLERANCE_S = 1.0
 _DOUBTS = 2.0
-_GLANCE_ROUNDS = 2
-"""Enough to know how far hosts will have to fly, at a third of the time of a whole search."""
+_GLANCE_ROUNDS = 1
+"""Enough to know how far hosts will have to fly."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,7 +132,7 @@ def decide(
     come to the same one whatever the clock says.
     """
     lead_s = _first_lead_s(situation, rules)
-    glance = _decide_for(situation, rules, lead_s, now, iterations[:1] or (_GLANCE_ROUNDS,))
+    glance = _decide_for(situation, replace(rules, hosts="all"), lead_s, now, iterations[:1] or (_GLANCE_ROUNDS,))
     needed_s = _slowest_s(glance, situation) + rules.settle_s
     if glance.orders and needed_s > lead_s + _ARRIVAL_TOLERANCE_S:
         lead_s = needed_s

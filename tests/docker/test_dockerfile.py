@@ -93,6 +93,11 @@ class Image:
         self._workdir = root
         ours = ("PYTHONPATH", "VIRTUAL_ENV", "NUMBA_CACHE_DIR")
         self.environment = {name: value for name, value in os.environ.items() if name not in ours}
+        # where the image has its python, whether or not this machine has one of that name
+        programs = root / "usr/local/bin"
+        programs.mkdir(parents=True)
+        (programs / "python").symlink_to(Path(sys._base_executable))  # type: ignore[attr-defined]
+        self.environment["PATH"] = f"{programs}:{self.environment['PATH']}"
 
     def build(self, stage: list[Instruction]) -> None:
         """Do what changes files; ENV holds from its line on."""

@@ -13,7 +13,9 @@ from hsop_gcs.placement.search.rounds import Course
 from hsop_gcs.placement.search.state import State, left_over, new_state, refresh, set_view, totals
 
 ROUNDS_TO_REFUSE = 6
-"""How many rounds it takes to give a number of hosts up that has no acceptable placement."""
+"""How many rounds it takes to give a number of hosts up that has no placement."""
+ROUNDS_TO_MISS = 2
+"""The same for one that has, but none that is acceptable."""
 PARENTS = 3
 """How many views a host that is added is tried with, the costliest threats' first."""
 BEARINGS = 12
@@ -99,9 +101,11 @@ def least_acceptable(
 def _persists(courses: Courses, number: int, accept: Accept, executor: ThreadPoolExecutor) -> bool:
     """Whether a number of hosts becomes acceptable within the rounds it is given."""
     course = courses.course(number)
-    while not accept(course) and course.round < ROUNDS_TO_REFUSE:
+    while not (accepted := accept(course)):
+        if course.round >= (ROUNDS_TO_REFUSE if course.pool.best is None else ROUNDS_TO_MISS):
+            break
         courses.advance(number, executor)
-    return accept(course)
+    return accepted
 
 
 def with_another_host(q: Question, state: State) -> list[State]:
