@@ -18,6 +18,7 @@ from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
 
 HELD_AT_ONCE = 10
 HOLD_EVERY_S = 1.0
+TURNS_AFTER_S = 30.0
 REPORT_EVERY_S = 0.5
 ORIGIN = GeodeticPoint(lat_deg=47.397742, lon_deg=8.545594, altitude_amsl_m=488.0)
 HEIGHT_M = 40.0
@@ -57,15 +58,16 @@ class Listener:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Threat:
-    """On a straight way from a time on; ENU metres."""
+    """On a straight way from a time on, to and fro; ENU metres."""
 
     name: str
     position_m: tuple[float, float]
     velocity_mps: tuple[float, float]
 
     def report(self, since_s: float, now_s: float) -> dict[str, Any]:
-        after_s = now_s - since_s
-        enu = [p + v * after_s for p, v in zip(self.position_m, self.velocity_mps, strict=True)]
+        laps, after_s = divmod(now_s - since_s, TURNS_AFTER_S)
+        ahead_s, sign = (TURNS_AFTER_S - after_s, -1.0) if laps % 2 else (after_s, 1.0)
+        enu = [p + v * ahead_s for p, v in zip(self.position_m, self.velocity_mps, strict=True)]
         place = LocalFrame(ORIGIN).to_geodetic(np.array([*enu, HEIGHT_M]))
         return {
             "source": "bench",
@@ -77,7 +79,11 @@ class Threat:
                 "altitude_m": place.altitude_amsl_m,
                 "altitude_datum": "amsl",
             },
-            "velocity": {"east_mps": self.velocity_mps[0], "north_mps": self.velocity_mps[1], "up_mps": 0.0},
+            "velocity": {
+                "east_mps": sign * self.velocity_mps[0],
+                "north_mps": sign * self.velocity_mps[1],
+                "up_mps": 0.0,
+            },
             "sigma_m": 1.0,
         }
 
@@ -101,8 +107,8 @@ class Console:
         self._idle = list(idle)
         self._since_s = time.time()
         self._threats = [
-            Threat(name="t1", position_m=(-80.0, 70.0), velocity_mps=(4.0, 0.5)),
-            Threat(name="t2", position_m=(60.0, 120.0), velocity_mps=(-4.0, -0.5)),
+            Threat(name="t1", position_m=(-60.0, 90.0), velocity_mps=(1.2, 0.4)),
+            Threat(name="t2", position_m=(60.0, 120.0), velocity_mps=(-1.2, -0.4)),
         ]
         self._held: dict[str, float] = {}
         self._newest = 0

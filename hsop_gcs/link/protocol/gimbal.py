@@ -31,6 +31,7 @@ from hsop_gcs.link.protocol.telemetry import Telemetry
 _OWNER_NOT_TOLD = (0, 0)
 _UNCHANGED = -1.0
 _ASK_FOR_S = 5.0
+_ROUNDING = 1e-6
 _LOOK_AGAIN_AFTER_S = 30.0
 """While nobody wants to aim, a vehicle that said it has no gimbal is left in peace."""
 
@@ -86,7 +87,6 @@ class Gimbal:
         self._configured_at = -math.inf
         self._ticket: int | None = None
         self._next_at = 0.0
-        self._look_again_at = 0.0
         self._sent: tuple[float, float] | None = None
         self._sent_at = -math.inf
         self._inside_since: float | None = None
@@ -138,7 +138,7 @@ class Gimbal:
         if not self._telemetry.state.link_up:
             return None
         idle = self._ticket is not None or not self._has_work()
-        times = [] if idle else [max(self._next_at, self._look_again_at)]
+        times = [] if idle else [self._next_at]
         if self._give_up_at is not None:
             times.append(self._give_up_at)
         return min(times, default=None)
@@ -171,7 +171,7 @@ class Gimbal:
         if command == MavCmd.DO_GIMBAL_MANAGER_CONFIGURE and outcome.accepted:
             self._ours, self._configured_at, self._next_at = True, now, now
         elif command == MavCmd.DO_GIMBAL_MANAGER_PITCHYAW and outcome.accepted:
-            self._next_at = max(now, self._sent_at + self.tolerances.least_period_s)
+            self._next_at = self._next_beat(now)
         elif outcome.verdict is not Verdict.SUPERSEDED:
             patient = self.aim is None and not outcome.accepted
             self._next_at = now + (_LOOK_AGAIN_AFTER_S if patient else self.tolerances.again_after_s)
@@ -247,13 +247,17 @@ class Gimbal:
         wanted = (given.tilt_deg, yaw_deg)
         overdue = not self.on_target and now >= self._sent_at + self.tolerances.again_after_s
         if self._sent is not None and not overdue and _close(wanted, self._sent, self.tolerances.least_change_deg):
-            # A newer aim or heading may go out the moment it comes; without one there is no hurry to look again.
-            self._look_again_at = now + self.tolerances.least_period_s
+            self._next_at = self._next_beat(now)
             return
         self._sent, self._sent_at = wanted, now
         parameters = (*wanted, math.nan, math.nan, float(adapter.gimbal_flags), 0.0, float(manager.device_id))
         command = MavCmd.DO_GIMBAL_MANAGER_PITCHYAW
         self._ticket = self._command(command, manager.component, parameters, "aim", now)
+
+    def _next_beat(self, now: float) -> float:
+        """When an aim may go out again: whole periods after the last, so that a camera is led along evenly."""
+        period_s = self.tolerances.least_period_s
+        return self._sent_at + period_s * (math.floor((now - self._sent_at) / period_s + _ROUNDING) + 1)
 
     def _command(self, command: MavCmd, component: int, parameters: tuple[float, ...], purpose: str, now: float) -> int:
         # COMMAND_LONG: PX4 before mid-2026 divides the flags of a COMMAND_INT by 1e7.
