@@ -11,12 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from hsop_gcs.placement.answer import PROVEN_GAP
 from hsop_gcs.placement.problem import Problem
 from hsop_gcs.placement.search.model import Floats, Ints, Question
 from hsop_gcs.placement.search.moves import keep_clear
 from hsop_gcs.placement.search.question import frame_of, placement_of, question_of, state_of
 from hsop_gcs.placement.search.state import State, copy_state, new_state, refresh, totals
-from hsop_gcs.placement.solution import Placement
+from hsop_gcs.placement.solution import Placement, Status
 
 _TURNS = 48
 _SWEEPS = 3
@@ -56,9 +57,12 @@ def nearer(problem: Problem, placement: Placement, *, tolerance: float, climb: f
             break
     if least == before:
         return None
+    found = placement_of(problem, frame, q, state)
+    assert found.cost is not None
+    proven = found.cost <= placement.lower_bound * (1 + PROVEN_GAP)
     return replace(
-        placement_of(problem, frame, q, state),
-        status=placement.status,
+        found,
+        status=Status.OPTIMAL if proven else Status.FEASIBLE,
         lower_bound=placement.lower_bound,
         method=placement.method,
         seed=placement.seed,

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from hsop_gcs.placement.airspace import Airspace
+from hsop_gcs.placement.answer import PROVEN_GAP
 from hsop_gcs.placement.fusion import fused_lower_bound, fuses
 from hsop_gcs.placement.problem import Formulation, Problem, Threat
 from hsop_gcs.placement.search.bounds import fewest_hosts, lower_bound
@@ -21,7 +22,6 @@ from hsop_gcs.placement.search.state import State, new_state
 from hsop_gcs.placement.search.wanted import Wanted
 from hsop_gcs.placement.solution import Placement, Status
 
-PROVEN_GAP = 1e-3
 ROUNDS_BEFORE_PROOF = 6
 WORTH_A_PROOF = 1.3
 """A placement within this factor of the first bound may be optimal: then a thorough bound is worth its time."""

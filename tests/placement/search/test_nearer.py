@@ -12,7 +12,7 @@ from hsop_gcs.placement.objective import margins
 from hsop_gcs.placement.problem import AvailableHost, Problem, Threat
 from hsop_gcs.placement.search import search
 from hsop_gcs.placement.search.nearer import nearer
-from hsop_gcs.placement.solution import Placement
+from hsop_gcs.placement.solution import Placement, Status
 
 HOMES = tuple((12.0 * (k % 2), 12.0 * (k // 2), 25.0) for k in range(6))
 RULE_TOLERANCE = 1e-6
@@ -60,6 +60,7 @@ def test_hosts_are_sooner_there_for_little_more_cost_and_every_rule_holds(threat
         assert after.cost is not None
         assert after.cost <= 1.2 * before.cost * (1 + RULE_TOLERANCE)
         assert longest_m(after, problem) < longest_m(before, problem)
+        assert (after.status is Status.OPTIMAL) is (after.cost <= 1.001 * after.lower_bound)
         views = {pair.threat: pair.views for pair in after.pairs}
         assert margins(problem, after.hosts, views).smallest >= -RULE_TOLERANCE
     assert gained
