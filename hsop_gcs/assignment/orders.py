@@ -63,9 +63,10 @@ def orders_for(
     chosen = assign(flight_m)
     if chosen is None:
         return NoSafeFlight(reason=_why_not(flight_m, placement, rules.safety_distance_m))
-    flown_by = {movers[host].id: routes[host][point] for point, host in enumerate(chosen)}
-    safe = {host: route for host, route in flown_by.items() if route is not None}
-    arranged = arrange(safe, movers, threats_now, rules, standing=standing)
+    flown_by = {
+        movers[host].id: route for point, host in enumerate(chosen) if (route := routes[host][point]) is not None
+    }
+    arranged = arrange(flown_by, movers, threats_now, rules, standing=standing)
     if isinstance(arranged, NoSafeFlight):
         return arranged
     flown = {departure.host: departure for departure in arranged}

@@ -122,7 +122,7 @@ def why_unsafe(
     places, times = _flown(way, mover, within_s)
     for late_s in (0.0, _LATE_S) if math.isinf(within_s) else (0.0,):
         distances = _distances(places, times + late_s, threats, rules.horizon_s)
-        near = np.min(distances - np.minimum(rules.safety_distance_m, distances[:, :1]), axis=1) < -1e-9
+        near = _comes_near(distances, rules.safety_distance_m)
         if near.any():
             worst = int(np.argmin(np.where(near, distances.min(axis=1), np.inf)))
             return f"comes to {distances[worst].min():.0f} m from threat {threats[worst].id}"
@@ -135,8 +135,7 @@ def _may_be_safe(
     """Which of many ways, (ways, points, 3), keep their distance at a few moments each: for the others ``why_unsafe``
     need not be asked.
     """
-    legs = np.diff(ways, axis=1)
-    lasting_s = np.maximum(np.linalg.norm(legs, axis=2) / mover.speed_mps, np.abs(legs[:, :, 2]) / mover.climb_mps)
+    legs, lasting_s = np.diff(ways, axis=1), leg_times_s(ways, mover)
     begun_s = np.cumsum(lasting_s, axis=1) - lasting_s
     times = lasting_s.sum(axis=1)[:, None] * np.linspace(0.0, 1.0, _GLANCES)
     shares = np.clip((times[:, None] - begun_s[:, :, None]) / np.maximum(lasting_s, 1e-9)[:, :, None], 0.0, 1.0)
@@ -146,8 +145,13 @@ def _may_be_safe(
         start, velocity = np.array(threat.position_m)[:, None], np.array(threat.velocity_mps)[:, None]
         at = start + velocity * np.minimum(times, rules.horizon_s)[:, None]
         apart_m = np.linalg.norm(places - at, axis=1)
-        safe &= (apart_m >= np.minimum(rules.safety_distance_m, apart_m[:, :1]) - 1e-9).all(axis=1)
+        safe &= ~_comes_near(apart_m, rules.safety_distance_m)
     return safe
+
+
+def _comes_near(distances: FloatArray, safety_distance_m: float) -> npt.NDArray[np.bool_]:
+    """Whether distances over time, (n, times) metres, fall below the safety distance, or below what they begin with."""
+    return np.asarray(np.min(distances - np.minimum(safety_distance_m, distances[:, :1]), axis=1) < -1e-9)
 
 
 def clearance_m(mover: Mover, route_m: tuple[Point, ...], threats: tuple[Threat, ...], *, horizon_s: float) -> float:
@@ -195,9 +199,10 @@ def _distances(places: FloatArray, times: FloatArray, threats: tuple[Threat, ...
 
 
 def leg_times_s(way: FloatArray, mover: Mover) -> FloatArray:
-    """Return how long each leg of a way, (points, 3), takes, (points - 1,) seconds: as long as its climb at least."""
-    legs = np.diff(way, axis=0)
-    return np.asarray(np.maximum(np.linalg.norm(legs, axis=1) / mover.speed_mps, np.abs(legs[:, 2]) / mover.climb_mps))
+    """Return how long each leg of ways, (..., points, 3), takes, (..., points - 1) seconds: its climb at least."""
+    legs = np.diff(way, axis=-2)
+    level_s, climb_s = np.linalg.norm(legs, axis=-1) / mover.speed_mps, np.abs(legs[..., 2]) / mover.climb_mps
+    return np.asarray(np.maximum(level_s, climb_s))
 
 
 def _beside(threats: tuple[Threat, ...], horizon_s: float, radius_m: float) -> FloatArray:

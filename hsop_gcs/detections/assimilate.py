@@ -18,7 +18,7 @@ from hsop_gcs.detections.association import Doubt, associate
 from hsop_gcs.detections.candidates import meetings
 from hsop_gcs.detections.detection import Detection, Reason, Refused, Unusable
 from hsop_gcs.detections.fix import Belief, Fix, fix_of
-from hsop_gcs.detections.merging import merged
+from hsop_gcs.detections.merging import SOURCE, merged
 from hsop_gcs.detections.poses import PoseHistory
 from hsop_gcs.detections.ray import Ray, to_ray
 from hsop_gcs.detections.rules import DetectionRules
@@ -27,9 +27,6 @@ from hsop_gcs.reports import Bearing, Matrix3, Measurement, Report, ReportRules,
 from hsop_gcs.tracks import Picture, Refusal, Track, TrackRules, update
 from hsop_gcs.tracks.gate import predicted
 from hsop_gcs.tracks.history import state_before
-
-SOURCE = "cameras"
-"""Who reports fixes."""
 
 
 class Fate(StrEnum):

@@ -4,7 +4,7 @@ Cameras look at where a threat is reported to be. If for a while they have seen 
 that nobody reports, the two are one: the reported track keeps its name and believes what the cameras know.
 """
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from types import MappingProxyType
@@ -15,7 +15,15 @@ from hsop_gcs.detections.rules import DetectionRules
 from hsop_gcs.tracks import Picture, Track, TrackRules, TrackStatus
 from hsop_gcs.tracks.gate import predicted, threshold
 
+SOURCE = "cameras"
+"""Who reports fixes."""
+
 _STATE = 6
+
+
+def is_only_seen(track: Track) -> bool:
+    """Return whether nobody but cameras has ever told of a track."""
+    return track.source == SOURCE and not track.sources
 
 
 def merged(picture: Picture, time_s: float, rules: DetectionRules, track_rules: TrackRules) -> Picture:
@@ -24,25 +32,26 @@ def merged(picture: Picture, time_s: float, rules: DetectionRules, track_rules: 
     Each with the one that it is nearest to, as far as both states may be one threat's at ``time_s``.
     """
     tracks = picture.tracks.values()
-    strange = [track for track in tracks if not track.sources and _is_seen(track, time_s - rules.merge_after_s)]
-    unseen = [track for track in tracks if track.sources and _last_seen_s(track) < time_s - rules.merge_after_s]
+    strange = [track for track in tracks if is_only_seen(track) and _is_seen(track, time_s - rules.merge_after_s)]
+    reported = [track for track in tracks if not is_only_seen(track)]
+    unseen = [track for track in reported if _last_seen_s(track) < time_s - rules.merge_after_s]
     gate = threshold(_STATE, 1.0 - track_rules.gate_probability)
     apart = _distances(strange, unseen, time_s, track_rules)
     after = dict(picture.tracks)
     for distance, one, other in sorted((apart[one, other], one, other) for one, other in np.ndindex(apart.shape)):
-        known, reported = strange[one], unseen[other]
-        if distance > gate or known.id not in after or after[reported.id] is not reported:
+        known, named = strange[one], unseen[other]
+        if distance > gate or known.id not in after or after[named.id] is not named:
             continue
         del after[known.id]
-        after[reported.id] = replace(
+        after[named.id] = replace(
             known,
-            id=reported.id,
-            source=reported.source,
-            source_threat_id=reported.source_threat_id,
-            sources=reported.sources,
-            size_m=reported.size_m,
-            reports=reported.reports + known.reports,
-            first_seen_s=min(reported.first_seen_s, known.first_seen_s),
+            id=named.id,
+            source=named.source,
+            source_threat_id=named.source_threat_id,
+            sources=named.sources,
+            size_m=named.size_m,
+            reports=named.reports + known.reports,
+            first_seen_s=min(named.first_seen_s, known.first_seen_s),
         )
     return picture if len(after) == len(picture.tracks) else replace(picture, tracks=MappingProxyType(after))
 
@@ -58,10 +67,9 @@ def _last_seen_s(track: Track) -> float:
 
 
 def _distances(
-    ones: Iterable[Track], others: Iterable[Track], time_s: float, rules: TrackRules
+    ones: Sequence[Track], others: Sequence[Track], time_s: float, rules: TrackRules
 ) -> np.typing.NDArray[np.float64]:
     """The squared Mahalanobis distances between tracks' states, (ones, others)."""
-    ones, others = list(ones), list(others)
     if not ones or not others:
         return np.empty((len(ones), len(others)))
     states = [track.state for track in (*ones, *others)]

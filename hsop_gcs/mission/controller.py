@@ -235,7 +235,7 @@ class Mission:
         if progress is None or progress.status is not OrderStatus.WAITING:
             return None
         blocked = self._blocked.get(host.id)
-        return blocked.reason if blocked is not None and blocked.order_id == progress.order_id else progress.note
+        return blocked.reason if blocked is not None and blocked.order_id == progress.order_id else None
 
     def target_of(self, host: Host, at_s: float) -> Aim | None:
         """Return where a host should look for its threats at a time, from where it is; None if it is to follow none."""
@@ -372,8 +372,7 @@ class Mission:
 
     def _direct_traffic(self, now_s: float) -> None:
         """Let hosts depart, turn aside, stop and try again."""
-        moves = list(self.sky.traffic(self.state, now_s, self._blocked).moves())
-        for given in moves:
+        for given in list(self.sky.traffic(self.state, now_s, self._blocked).moves()):
             if isinstance(given, Blocked):
                 self._blocked[given.host] = given
                 continue

@@ -20,7 +20,6 @@ from hsop_gcs.placement.holding import held_over
 from hsop_gcs.placement.objective import segment_distance
 from hsop_gcs.placement.problem import AvailableHost, Formulation, Objective, Problem, Threat
 from hsop_gcs.placement.reasons import out_of_sight
-from hsop_gcs.placement.search.nearer import nearer
 from hsop_gcs.placement.solution import HoverPose, Placement, Status, renamed, worst_error_m
 
 _ARRIVAL_TOLERANCE_S = 1.0
@@ -188,6 +187,9 @@ def _decide_for(
     if placement.status is Status.INFEASIBLE:
         return decision
     decision = _ordered(decision, placement, problem, situation, rules)
+    # compiled kernels, which whoever only reads settings need not load
+    from hsop_gcs.placement.search.nearer import nearer
+
     climb = max((mover.speed_mps / mover.climb_mps for mover in situation.movers), default=1.0)
     turned = nearer(problem, placement, tolerance=rules.keep_margin, climb=climb)
     if turned is None or not _about_as_good(turned, placement, rules):

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from hsop_gcs.detections.assimilate import SOURCE
+from hsop_gcs.detections.merging import is_only_seen
 from hsop_gcs.mission.pipeline import Decision, Sigma, Situation
 from hsop_gcs.tracks import Track, TrackStatus
 
@@ -87,7 +87,7 @@ def ready(tracks: Iterable[Track], now_s: float, rules: ReplanRules) -> tuple[Tr
         track
         for track in tracks
         if track.status is not TrackStatus.TENTATIVE
-        and not (track.source == SOURCE and not track.sources and track.status is TrackStatus.COASTING)
+        and not (is_only_seen(track) and track.status is TrackStatus.COASTING)
         and (track.velocity_known or now_s - track.first_seen_s > rules.velocity_wait_s)
     )
 

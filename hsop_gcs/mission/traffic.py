@@ -124,8 +124,9 @@ class Traffic:
                 yield HostDeparted(time_s=self.now_s, host=host, route_m=other_way)
                 return
             unsafe = why_unsafe(mover, progress.ahead_m, known.threats, near, within_s=_STOP_AHEAD_S)
-        soon = {"horizon_s": near.horizon_s, "within_s": _STOP_AHEAD_S}
-        if unsafe is not None and gains_by_staying(mover, progress.ahead_m, known.threats, **soon):
+        if unsafe is not None and gains_by_staying(
+            mover, progress.ahead_m, known.threats, horizon_s=near.horizon_s, within_s=_STOP_AHEAD_S
+        ):
             yield HostStopped(time_s=self.now_s, host=host, gate="threat", reason=f"its flight {unsafe}")
             return
         other = in_the_way(flight, self._others(host, progress, flying_only=True), near.separation_m - _STOP_EARLIER_M)

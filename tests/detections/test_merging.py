@@ -1,12 +1,12 @@
 """A reported threat and the one that cameras began beside it are one, if nothing speaks against it."""
 
+from dataclasses import replace
 from types import MappingProxyType
 
 import pytest
 
 from hsop_gcs.detections import DetectionRules
-from hsop_gcs.detections.assimilate import SOURCE
-from hsop_gcs.detections.merging import merged
+from hsop_gcs.detections.merging import SOURCE, merged
 from hsop_gcs.reports import Report, Vector3
 from hsop_gcs.tracks import Picture, Track, TrackRules, update
 from tests.detections.examples import METRE, NOW_S
@@ -49,6 +49,13 @@ def test_the_reported_name_stays_with_what_the_cameras_know() -> None:
 def test_a_threat_that_cameras_see_where_it_is_reported_is_another() -> None:
     seen, sharp = followed("radar", "t1", (0.0, 0.0, 40.0), 15.0, track="t1"), followed(SOURCE, None, BESIDE, 0.2)
     assert set(after(seen, sharp).tracks) == {seen.id, sharp.id}
+
+
+def test_a_report_that_names_no_threat_is_a_report() -> None:
+    nameless = replace(followed("radar", None, (0.0, 0.0, 40.0), 15.0), id="t9")
+    (one,) = after(nameless, followed(SOURCE, None, BESIDE, 0.2)).tracks.values()
+    assert (one.id, one.source) == ("t9", "radar")
+    assert one.position_m == pytest.approx(BESIDE, abs=0.2 * METRE)
 
 
 def test_one_that_is_too_far_off_is_another() -> None:

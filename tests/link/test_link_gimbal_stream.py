@@ -15,11 +15,17 @@ RUN_S = 4.0
 PERIOD_S = GimbalTolerances().least_period_s
 
 
-@BOTH
-def test_an_aim_that_moves_all_the_time_is_sent_evenly(stack: Stack) -> None:
+def on_station(stack: Stack) -> TwoEnds:
+    """A vehicle at its hover point, its camera aimed."""
     ends = TwoEnds(stack).ready()
     ends.order(aim=Aim(pan_deg=10.0, tilt_deg=-5.0))
     ends.until(lambda: ends.saw(OnStation))
+    return ends
+
+
+@BOTH
+def test_an_aim_that_moves_all_the_time_is_sent_evenly(stack: Stack) -> None:
+    ends = on_station(stack)
     started = ends.now
     for tick in range(TICKS):
         ends.vehicle.follow(Aim(pan_deg=10.0 + 2.0 * tick, tilt_deg=-5.0), ends.now)
@@ -32,9 +38,7 @@ def test_an_aim_that_moves_all_the_time_is_sent_evenly(stack: Stack) -> None:
 
 @BOTH
 def test_an_aim_that_moves_all_the_time_is_sent_no_more_than_five_times_a_second(stack: Stack) -> None:
-    ends = TwoEnds(stack).ready()
-    ends.order(aim=Aim(pan_deg=10.0, tilt_deg=-5.0))
-    ends.until(lambda: ends.saw(OnStation))
+    ends = on_station(stack)
     started = ends.now
     while ends.now < started + RUN_S:
         ends.vehicle.follow(Aim(pan_deg=10.0 + 20.0 * (ends.now - started), tilt_deg=-5.0), ends.now)

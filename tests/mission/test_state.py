@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from hsop_gcs.assignment import HostOrder
-from hsop_gcs.detections.assimilate import SOURCE
+from hsop_gcs.detections.merging import SOURCE
 from hsop_gcs.mission.core import MissionState, ProposalRefused, apply
 from hsop_gcs.mission.pipeline import Decision, Sigma, Situation
 from hsop_gcs.mission.records import from_record, to_record

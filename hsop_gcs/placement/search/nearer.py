@@ -7,6 +7,7 @@ keep of their altitude what they can.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -16,7 +17,7 @@ from hsop_gcs.placement.problem import Problem
 from hsop_gcs.placement.search.model import Floats, Ints, Question
 from hsop_gcs.placement.search.moves import keep_clear
 from hsop_gcs.placement.search.question import frame_of, placement_of, question_of, state_of
-from hsop_gcs.placement.search.state import State, copy_state, new_state, refresh, totals
+from hsop_gcs.placement.search.state import State, copied, copy_state, refresh, totals
 from hsop_gcs.placement.solution import Placement, Status
 
 _TURNS = 48
@@ -45,14 +46,11 @@ def nearer(problem: Problem, placement: Placement, *, tolerance: float, climb: f
     before = least = homes.ways(state)
     for _ in range(_SWEEPS):
         swept = least
-        for change in (_turned, _lifted):
-            for tried in change(q, state, homes):
-                if not _is_good(q, tried, most):
-                    continue
-                ways = homes.ways(tried)
-                if ways < least:
-                    least = ways
-                    copy_state(tried, state)
+        # the state moves on meanwhile, and what is tried next with it
+        for tried in chain(_turned(q, state), _lifted(q, state, homes)):
+            if _is_good(q, tried, most) and (ways := homes.ways(tried)) < least:
+                least = ways
+                copy_state(tried, state)
         if least == swept:
             break
     if least == before:
@@ -96,14 +94,14 @@ class _Homes:
         return ways_m, (points, takers)
 
 
-def _turned(q: Question, state: State, _: _Homes) -> Iterator[State]:
+def _turned(q: Question, state: State) -> Iterator[State]:
     """Copies with one part turned around the middle of its threats."""
     for hosts, threats in _parts(state):
         middle = q.points_m[threats].reshape(-1, 3).mean(axis=0)[:2]
         for step in range(1, _TURNS):
             angle = 2 * np.pi * step / _TURNS
             turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-            tried = _copy(state)
+            tried = copied(state)
             tried.positions[hosts, :2] = (state.positions[hosts, :2] - middle) @ turn.T + middle
             tried.axes[hosts] = state.axes[hosts] @ turn.T
             yield tried
@@ -113,7 +111,7 @@ def _lifted(q: Question, state: State, homes: _Homes) -> Iterator[State]:
     """Copies with one host at an altitude nearer to its present one."""
     for host, now_m in enumerate(homes.altitudes_m(state)):
         for share in _HEIGHTS:
-            tried = _copy(state)
+            tried = copied(state)
             up_m = now_m + share * (state.positions[host, 2] - now_m)
             tried.positions[host, 2] = np.clip(up_m, q.floor_m, q.ceiling_m)
             yield tried
@@ -141,9 +139,3 @@ def _is_good(q: Question, state: State, most: float) -> bool:
     refresh(q, state)
     cost, violation = totals(q, state)
     return bool(violation <= 0 and cost <= most)
-
-
-def _copy(state: State) -> State:
-    result = new_state(*state.cost.shape, *state.degree.shape)
-    copy_state(state, result)
-    return result

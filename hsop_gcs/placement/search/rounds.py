@@ -13,7 +13,7 @@ from hsop_gcs.placement.search.chance import seeded
 from hsop_gcs.placement.search.model import Question
 from hsop_gcs.placement.search.moves import keep_clear
 from hsop_gcs.placement.search.neighbourhood import fresh, improve, shake
-from hsop_gcs.placement.search.state import State, copy_state, new_state, refresh, totals
+from hsop_gcs.placement.search.state import State, copied, copy_state, new_state, refresh, totals
 
 LANES = 2
 POOL = 8
@@ -52,7 +52,7 @@ class Pool:
         at = sum(other < worth for other in self.worth)
         if at >= POOL:
             return False
-        self.states.insert(at, _copy(state))
+        self.states.insert(at, copied(state))
         self.worth.insert(at, worth)
         del self.states[POOL:], self.worth[POOL:]
         return at == 0
@@ -68,12 +68,6 @@ class Pool:
         return math.inf if self.best is None else self.worth[0][1]
 
 
-def _copy(state: State) -> State:
-    result = new_state(*state.cost.shape, *state.degree.shape)
-    copy_state(state, result)
-    return result
-
-
 class Course:
     """One search for one number of hosts. ``advance`` runs a round; ``pool`` holds what was found."""
 
@@ -86,7 +80,7 @@ class Course:
 
     def start_from(self, state: State) -> None:
         """Put a state into the pool; broken safety distances are mended first."""
-        mended = _copy(state)
+        mended = copied(state)
         for host in range(self.n_hosts):
             keep_clear(self.q, mended, host)
         refresh(self.q, mended)

@@ -70,6 +70,13 @@ def copy_state(source: State, target: State) -> None:
     target.window[:] = source.window
 
 
+def copied(state: State) -> State:
+    """Return a copy with arrays of its own."""
+    result = new_state(*state.cost.shape, *state.degree.shape)
+    copy_state(state, result)
+    return result
+
+
 @lean_kernel
 def set_view(s: State, threat: int, end: int, host: int, camera: int) -> None:
     """Give one end of a threat's pair to a host (-1: to nobody)."""

@@ -10,7 +10,7 @@ from hsop_gcs.placement.search.model import Question
 from hsop_gcs.placement.search.numbers import Courses
 from hsop_gcs.placement.search.question import aimed_at, placement_of
 from hsop_gcs.placement.search.rounds import Course
-from hsop_gcs.placement.search.state import State, copy_state, new_state, refresh, totals
+from hsop_gcs.placement.search.state import State, copied, refresh, totals
 from hsop_gcs.placement.solution import worst_error_m
 
 
@@ -77,8 +77,7 @@ class Wanted:
         number = course.n_hosts
         for state in course.pool.states:
             least = self._within[number][0] if number in self._within else float("inf")
-            own = new_state(*state.cost.shape, *state.degree.shape)
-            copy_state(state, own)
+            own = copied(state)
             refresh(self._q, own)
             cost, violation = totals(self._q, own)
             if violation > 0 or cost >= least:
