@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from hsop_gcs.errors import BadInput
-from hsop_gcs.mission.core import Rules
+from hsop_gcs.mission.inputs import Rules
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.settings import check_settings, read_settings
 

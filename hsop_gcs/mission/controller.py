@@ -28,7 +28,10 @@ from hsop_gcs.link.protocol.telemetry import VehicleState
 from hsop_gcs.link.pump import Link
 from hsop_gcs.link.tlog import TlogWriter
 from hsop_gcs.link.vehicle import Vehicle
-from hsop_gcs.mission.core import (
+from hsop_gcs.mission.core import MissionState, apply, situation, take_rays, take_reports
+from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus, hover_order, with_telemetry
+from hsop_gcs.mission.gates import Closed
+from hsop_gcs.mission.inputs import (
     DecisionMade,
     HostDeparted,
     HostsHeld,
@@ -39,7 +42,6 @@ from hsop_gcs.mission.core import (
     Input,
     LegFlown,
     MissionStarted,
-    MissionState,
     PlanFlew,
     ProposalRefused,
     RaysArrived,
@@ -48,13 +50,7 @@ from hsop_gcs.mission.core import (
     SolverAsked,
     ThreatDismissed,
     TimePassed,
-    apply,
-    situation,
-    take_rays,
-    take_reports,
 )
-from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus, hover_order, with_telemetry
-from hsop_gcs.mission.gates import Closed
 from hsop_gcs.mission.pipeline import Situation, flight_rules
 from hsop_gcs.mission.records import to_record
 from hsop_gcs.mission.sky import Sky

@@ -14,185 +14,44 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from hsop_gcs.assignment import Departure, Flight, Mover
-from hsop_gcs.detections import DetectionRules, Ray, Refused, Watch, assimilate, let_go
 from hsop_gcs.detections import Verdict as RayVerdict
+from hsop_gcs.detections import Watch, assimilate, let_go
 from hsop_gcs.link.events import Event, OrderEvent
 from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus, progressed
-from hsop_gcs.mission.pipeline import Decision, PlanningRules, Sigma, Situation
+from hsop_gcs.mission.inputs import (
+    DecisionMade,
+    HostDeparted,
+    HostRetried,
+    HostSetAside,
+    HostsHeld,
+    HostSpoke,
+    HostsRecalled,
+    HostsReleased,
+    HostStopped,
+    Input,
+    LegFlown,
+    MissionStarted,
+    PlanFlew,
+    ProposalRefused,
+    RaysArrived,
+    ReportsArrived,
+    Rules,
+    SolverAsked,
+    ThreatDismissed,
+    TimePassed,
+)
+from hsop_gcs.mission.pipeline import Sigma, Situation
 from hsop_gcs.mission.state import (
     Autonomy,
     Plans,
-    ReplanRules,
     ready,
     with_decision,
     with_proposal_flying,
     with_proposal_refused,
     without_threats,
 )
-from hsop_gcs.placement.problem import Point, Threat
-from hsop_gcs.reports import Measurement, ReportRules
-from hsop_gcs.tracks import Picture, Refusal, RefusalKind, TrackRules, Verdict, dismiss, prune, update
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Rules:
-    """Everything a mission is judged and planned by."""
-
-    autonomy: Autonomy = Autonomy.CONFIRM
-    planning: PlanningRules = field(default_factory=PlanningRules)
-    replanning: ReplanRules = field(default_factory=ReplanRules)
-    tracks: TrackRules = field(default_factory=TrackRules)
-    reports: ReportRules = field(default_factory=ReportRules)
-    detections: DetectionRules = field(default_factory=DetectionRules)
-    attempts: int = 3
-    """At one order, before its host is set aside."""
-    set_aside_s: float = 60.0
-    """How long the mission plans without a host that failed."""
-    dismissed_for_s: float = 300.0
-    """How long the reports of a dismissed threat are refused."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Input:
-    """Base of all inputs; times are seconds since the Unix epoch."""
-
-    time_s: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MissionStarted(Input):
-    """The service started, for the first time or again, with these rules."""
-
-    rules: Rules
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReportsArrived(Input):
-    """Measurements that arrived together, and where our own hosts were."""
-
-    measurements: tuple[Measurement, ...]
-    hosts_m: Mapping[str, Point]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RaysArrived(Input):
-    """What hosts' cameras saw, as rays, and where our own hosts were."""
-
-    rays: tuple[Ray | Refused, ...]
-    hosts_m: Mapping[str, Point]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TimePassed(Input):
-    """So much time that a track changed its status or left, or a ray was held in vain."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SolverAsked(Input):
-    """A plan was due: ``trigger`` says why, the situation is all that the solver is told."""
-
-    trigger: str
-    situation: Situation
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DecisionMade(Input):
-    """The solver's answer to what it was asked last."""
-
-    decision: Decision
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlanFlew(Input):
-    """The proposed plan was approved: its hosts depart, each when nothing is in its way."""
-
-    plan_id: str
-    departures: tuple[Departure, ...]
-    """The order in which they go, and each host's way past threats and the others, from where it is now."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HostDeparted(Input):
-    """A host's order is about to be sent: the first time, after a stop, or by another way than before."""
-
-    host: str
-    route_m: tuple[Point, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HostStopped(Input):
-    """A flying host is stopped where it is, for it comes too near to something; it waits for another way."""
-
-    host: str
-    gate: str
-    reason: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HostRetried(Input):
-    """A host's order failed and is to be tried again."""
-
-    host: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HostSetAside(Input):
-    """A host cannot carry out its order, or somebody else flies it. until_s None: until it is released."""
-
-    host: str
-    reason: str
-    until_s: float | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProposalRefused(Input):
-    """The proposed plan was to fly and could not: a host or its safe way had gone."""
-
-    reason: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LegFlown(Input):
-    """A host has come to a point of its route and is about to be sent to the next."""
-
-    host: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HostsHeld(Input):
-    """An operator stopped hosts."""
-
-    hosts: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HostsRecalled(Input):
-    """An operator sent hosts home."""
-
-    hosts: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HostsReleased(Input):
-    """An operator gave hosts back to the mission; all of them: and its autonomy too."""
-
-    hosts: tuple[str, ...]
-    everyone: bool
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ThreatDismissed(Input):
-    """An operator took a threat out of the picture."""
-
-    threat_id: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HostSpoke(Input):
-    """A host's link told something."""
-
-    host: str
-    event: Event
+from hsop_gcs.placement.problem import Threat
+from hsop_gcs.tracks import Picture, Refusal, RefusalKind, Verdict, dismiss, prune, update
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

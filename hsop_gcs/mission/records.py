@@ -10,7 +10,8 @@ from hsop_gcs.errors import BadInput
 from hsop_gcs.journal import read
 from hsop_gcs.link import events
 from hsop_gcs.link.events import Event
-from hsop_gcs.mission.core import (
+from hsop_gcs.mission.core import MissionState, apply
+from hsop_gcs.mission.inputs import (
     DecisionMade,
     HostDeparted,
     HostRetried,
@@ -23,7 +24,6 @@ from hsop_gcs.mission.core import (
     Input,
     LegFlown,
     MissionStarted,
-    MissionState,
     PlanFlew,
     ProposalRefused,
     RaysArrived,
@@ -31,7 +31,6 @@ from hsop_gcs.mission.core import (
     SolverAsked,
     ThreatDismissed,
     TimePassed,
-    apply,
 )
 
 _PLAIN = (

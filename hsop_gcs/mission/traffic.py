@@ -19,9 +19,10 @@ from types import MappingProxyType
 
 from hsop_gcs.assignment import Flight, FlightRules, Mover, gains_by_staying, in_the_way, safe_route, why_unsafe
 from hsop_gcs.fleet import FlightLimits
-from hsop_gcs.mission.core import HostDeparted, HostRetried, HostSetAside, HostStopped, MissionState, situation
+from hsop_gcs.mission.core import MissionState, situation
 from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus
 from hsop_gcs.mission.gates import Aircraft
+from hsop_gcs.mission.inputs import HostDeparted, HostRetried, HostSetAside, HostStopped
 from hsop_gcs.mission.pipeline import Situation, flight_rules
 from hsop_gcs.placement.airspace import Airspace
 from hsop_gcs.placement.problem import Point

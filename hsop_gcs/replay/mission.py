@@ -11,16 +11,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from hsop_gcs.mission.core import (
-    DecisionMade,
-    Input,
-    MissionState,
-    RaysArrived,
-    ReportsArrived,
-    SolverAsked,
-    apply,
-    situation,
-)
+from hsop_gcs.mission.core import MissionState, apply, situation
+from hsop_gcs.mission.inputs import DecisionMade, Input, RaysArrived, ReportsArrived, SolverAsked
 from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation, decide
 from hsop_gcs.mission.records import read_inputs, to_record
 from hsop_gcs.placement.solution import Status

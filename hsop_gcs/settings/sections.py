@@ -11,7 +11,7 @@ from hsop_gcs.fleet import FlightLimits
 from hsop_gcs.link.codec import message_ids
 from hsop_gcs.link.endpoint import parse_endpoint
 from hsop_gcs.link.key_files import read_key
-from hsop_gcs.mission.core import Rules
+from hsop_gcs.mission.inputs import Rules
 from hsop_gcs.mission.pipeline import PlanningRules, TargetError
 from hsop_gcs.mission.state import Autonomy, ReplanRules
 from hsop_gcs.placement.problem import Formulation, Objective

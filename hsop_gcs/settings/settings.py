@@ -10,7 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from hsop_gcs.cameras.rig import CameraRig
 from hsop_gcs.fleet import Fleet, FlightLimits, Host
 from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
-from hsop_gcs.mission.core import Rules
+from hsop_gcs.mission.inputs import Rules
 from hsop_gcs.mission.pipeline import PlanningRules, TargetError
 from hsop_gcs.mission.state import ReplanRules
 from hsop_gcs.placement.airspace import Airspace, KeepOut, Polygon

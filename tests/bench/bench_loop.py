@@ -13,8 +13,8 @@ import numpy as np
 from scipy.stats import chi2
 
 from hsop_gcs.cameras.rig import CameraKind
-from hsop_gcs.mission.core import Rules
 from hsop_gcs.mission.dispatch import OrderStatus
+from hsop_gcs.mission.inputs import Rules
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.simulator.truth import TrueState
 from hsop_gcs.tracks import TrackRules

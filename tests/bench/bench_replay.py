@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from hsop_gcs.journal import Journal
-from hsop_gcs.mission.core import Rules
+from hsop_gcs.mission.inputs import Rules
 from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation, decide
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.placement.search.rounds import LANES

@@ -18,7 +18,7 @@ from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
 from hsop_gcs.journal import Journal
 from hsop_gcs.link.pump import Link
 from hsop_gcs.mission.controller import Mission
-from hsop_gcs.mission.core import Rules
+from hsop_gcs.mission.inputs import Rules
 from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation, decide
 from hsop_gcs.mission.solver import Solver
 from hsop_gcs.mission.state import Autonomy

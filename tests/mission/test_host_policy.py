@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hsop_gcs.assignment import Mover
-from hsop_gcs.mission.core import MissionStarted, Rules
+from hsop_gcs.mission.inputs import MissionStarted, Rules
 from hsop_gcs.mission.pipeline import Decision, PlanningRules, Sigma, Situation, TargetError, decide
 from hsop_gcs.mission.records import from_record, to_record
 from hsop_gcs.placement.problem import Threat

@@ -12,7 +12,7 @@ import pytest
 from hsop_gcs.assignment import HostOrder
 from hsop_gcs.geometry.frames import Aim
 from hsop_gcs.mission.controller import Mission
-from hsop_gcs.mission.core import Rules
+from hsop_gcs.mission.inputs import Rules
 from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.placement.problem import Formulation, Objective, Point

@@ -6,7 +6,8 @@ import pytest
 
 from hsop_gcs.assignment import HostOrder
 from hsop_gcs.detections.merging import SOURCE
-from hsop_gcs.mission.core import MissionState, ProposalRefused, apply
+from hsop_gcs.mission.core import MissionState, apply
+from hsop_gcs.mission.inputs import ProposalRefused
 from hsop_gcs.mission.pipeline import Decision, Sigma, Situation
 from hsop_gcs.mission.records import from_record, to_record
 from hsop_gcs.mission.state import (

@@ -11,7 +11,10 @@ from hsop_gcs.assignment import Departure, HostOrder
 from hsop_gcs.fleet import FlightLimits
 from hsop_gcs.link.events import Arrived, Event, OrderAccepted, OrderFailed, OrderSuperseded
 from hsop_gcs.link.protocol.telemetry import VehicleState
-from hsop_gcs.mission.core import (
+from hsop_gcs.mission.core import MissionState, apply, situation
+from hsop_gcs.mission.dispatch import OrderStatus
+from hsop_gcs.mission.gates import Aircraft
+from hsop_gcs.mission.inputs import (
     DecisionMade,
     HostDeparted,
     HostRetried,
@@ -23,17 +26,12 @@ from hsop_gcs.mission.core import (
     HostStopped,
     Input,
     MissionStarted,
-    MissionState,
     PlanFlew,
     ReportsArrived,
     Rules,
     SolverAsked,
     ThreatDismissed,
-    apply,
-    situation,
 )
-from hsop_gcs.mission.dispatch import OrderStatus
-from hsop_gcs.mission.gates import Aircraft
 from hsop_gcs.mission.pipeline import Decision
 from hsop_gcs.mission.records import from_record, to_record
 from hsop_gcs.mission.state import Autonomy

@@ -21,7 +21,8 @@ from hsop_gcs.journal import read
 from hsop_gcs.link.enums import MavCmd, MavLandedState
 from hsop_gcs.link.messages import CommandInt, ExtendedSysState
 from hsop_gcs.link.tlog import read_tlog
-from hsop_gcs.mission.core import HostDeparted, LegFlown, MissionState, PlanFlew, apply
+from hsop_gcs.mission.core import MissionState, apply
+from hsop_gcs.mission.inputs import HostDeparted, LegFlown, PlanFlew
 from hsop_gcs.mission.records import read_inputs
 from hsop_gcs.replay import replay
 from tests.service import ORIGIN, free_udp_port, position, report, simulated_fleet, wait_until
