@@ -17,6 +17,7 @@ from hsop_gcs.errors import Unavailable
 from hsop_gcs.geometry import triangulation
 from hsop_gcs.journal import Journal
 from hsop_gcs.link.codec import message_ids
+from hsop_gcs.link.guest_port import GuestPort
 from hsop_gcs.link.key_files import TimestampFile, read_key
 from hsop_gcs.link.pump import Link
 from hsop_gcs.link.signing import Signing, SigningClock
@@ -53,6 +54,9 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
         if settings.service.tlog is not None:
             tlog = TlogWriter(stack.enter_context(create_tlog(Path(settings.service.tlog), time.time())))
         link = await stack.enter_async_context(link_of(settings, tlog=tlog, watchdog_s=_WATCHDOG_S))
+        for host in settings.hosts:
+            if host.mavsdk_port is not None:
+                await stack.enter_async_context(GuestPort(link, host.system_id, host.mavsdk_port))
         mission = Mission(
             fleet=fleet,
             site=settings.to_site(),

@@ -231,6 +231,29 @@ def test_a_rig_that_no_host_can_carry_is_a_fault(tmp_path: Path, change: tuple[s
         read_settings(path)
 
 
+def test_each_host_may_have_a_port_for_mavsdk_and_the_summary_tells_it(tmp_path: Path) -> None:
+    path = tmp_path / "FLEET.toml"
+    path.write_text(GOOD + "mavsdk_port = 14601\n")
+    assert [host.mavsdk_port for host in read_settings(path).hosts] == [None, 14601]
+    assert "h2: system 2, udpout:127.0.0.1:14582, MAVSDK at udpout://127.0.0.1:14601\n" in check(str(path)).stdout
+
+
+@pytest.mark.parametrize(
+    ("port", "message"),
+    [
+        ("0", r"hosts\.1\.mavsdk_port: .*0"),
+        ("14541", "hosts: mavsdk_port 14541 of 'h2' is that of a connection"),
+        (
+            '9\n[[hosts]]\nid = "h3"\nsystem_id = 3\nconnection = "udpin:127.0.0.1:14543"\nmavsdk_port = 9',
+            "hosts: two hosts have mavsdk_port 9",
+        ),
+    ],
+)
+def test_a_port_for_mavsdk_that_cannot_be_is_a_fault(tmp_path: Path, port: str, message: str) -> None:
+    with pytest.raises(BadInput, match=message):
+        read(tmp_path, f"{GOOD}mavsdk_port = {port}\n")
+
+
 def key_file(path: Path, mode: int = 0o600) -> Path:
     path.write_text("ab" * 32)
     path.chmod(mode)

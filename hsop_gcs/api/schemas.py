@@ -179,6 +179,8 @@ class HostLinkOut(BaseModel):
     commands_resent: int
     command_noise: int
     """Acknowledgements that no command was waiting for."""
+    withheld: dict[str, int]
+    """What other programs wanted to send to it over our link (``mavsdk_port``) and may not."""
 
 
 class HostOut(BaseModel):

@@ -42,9 +42,7 @@ def _summary(settings: "Settings") -> dict[str, Any]:
     return {
         "origin": settings.site.origin.model_dump(),
         "autonomy": str(settings.service.autonomy),
-        "hosts": [
-            {"id": host.id, "system_id": host.system_id, "connection": host.connection} for host in settings.hosts
-        ],
+        "hosts": [host.model_dump(include={"id", "system_id", "connection", "mavsdk_port"}) for host in settings.hosts],
         "limits": settings.limits.model_dump(),
         "fence_m2": [round(shapely.Polygon(polygon).area) for polygon in airspace.inside],
         "keep_outs_m2": [round(shapely.Polygon(area.polygon).area) for area in airspace.keep_outs],
@@ -58,9 +56,14 @@ def _lines(summary: dict[str, Any]) -> list[str]:
     return [
         f"origin    {origin['lat_deg']:.6f}°, {origin['lon_deg']:.6f}°, {origin['altitude_amsl_m']:g} m AMSL",
         f"autonomy  {summary['autonomy']}",
-        *(f"host      {each['id']}: system {each['system_id']}, {each['connection']}" for each in summary["hosts"]),
+        *(f"host      {_host(**each)}" for each in summary["hosts"]),
         "limits    " + ", ".join(f"{name} {value:g}" for name, value in limits.items()),
         f"fence     {fence}",
         f"keep-outs {len(summary['keep_outs_m2'])}",
         f"journal   {summary['journal'] or 'none: a service that ends forgets its mission'}",
     ]
+
+
+def _host(id: str, system_id: int, connection: str, mavsdk_port: int | None) -> str:
+    mavsdk = "" if mavsdk_port is None else f", MAVSDK at udpout://127.0.0.1:{mavsdk_port}"
+    return f"{id}: system {system_id}, {connection}{mavsdk}"

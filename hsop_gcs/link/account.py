@@ -62,6 +62,8 @@ class VehicleLink:
     round_trip_s: float | None
     commands_resent: int
     command_noise: int
+    withheld: dict[str, int]
+    """What other programs wanted to send to it over our link and may not, by message or command."""
 
     @property
     def address(self) -> str | None:
@@ -82,6 +84,7 @@ class Account:
         self.lost = 0
         self.refused = 0
         self.signature_refused: Counter[str] = Counter()
+        self.withheld: Counter[str] = Counter()
         self._seconds: deque[tuple[int, int, int]] = deque(maxlen=_WINDOW_S + 1)
 
     def take(self, lost: int, now: float) -> None:

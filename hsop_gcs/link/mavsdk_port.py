@@ -1,14 +1,10 @@
-"""MAVSDK for one vehicle over our link: parameters, fences, camera settings and files, signed and recorded like ours.
+"""MAVSDK for one vehicle over our link, in this process: parameters, fences, camera settings and files.
 
-    MAVSDK ──frames──► only what is listed here ──► our link: signature, recording ──► vehicle
-       ▲───────────────────── what our link believes of this vehicle ◄────────────────────┘
-
-MAVSDK has no socket (its ``raw://`` connection), so it needs neither a second radio nor the key, and it cannot fly:
-orders, modes, streams and heartbeats stay with the service. Needs the extra ``mavsdk``.
+It has no socket (its ``raw://`` connection), so it needs neither a second radio nor the key, and it cannot fly: see
+``passing``. Needs the extra ``mavsdk``. Programs outside of this process have ``GuestPort``.
 """
 
 import asyncio
-from collections import Counter
 from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Self, TypeVar
@@ -17,36 +13,12 @@ from mavsdk.asyncio.system import System
 from mavsdk.mavsdk import Configuration, Mavsdk
 
 from hsop_gcs.errors import Unavailable
-from hsop_gcs.link.codec import Decoder, Frame, message_id, message_ids
-from hsop_gcs.link.enums import MavCmd
 from hsop_gcs.link.identity import GROUND_STATION
-from hsop_gcs.link.messages import CommandInt, CommandLong
 from hsop_gcs.link.pump import Link
 
 _COMPONENT = 191
 """Beside the ground station itself, 190, in the same system: answers find the one who asked."""
 _PATIENCE_S = 15.0
-_MESSAGES = message_ids(
-    (
-        *("PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"),
-        *("PARAM_EXT_REQUEST_LIST", "PARAM_EXT_REQUEST_READ", "PARAM_EXT_SET"),
-        *("MISSION_REQUEST_LIST", "MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK"),
-        *("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_CLEAR_ALL"),
-        *("FILE_TRANSFER_PROTOCOL", "LOG_REQUEST_LIST", "LOG_REQUEST_DATA", "LOG_REQUEST_END"),
-        *("PING", "TIMESYNC"),
-    )
-)
-_COMMANDS = {
-    MavCmd.GET_HOME_POSITION,
-    MavCmd.GET_MESSAGE_INTERVAL,
-    MavCmd.REQUEST_MESSAGE,
-    MavCmd.REQUEST_PROTOCOL_VERSION,
-    MavCmd.REQUEST_AUTOPILOT_CAPABILITIES,
-    *range(521, 535),  # camera and storage: information, mode, zoom, focus
-    *(2000, 2001),  # images
-    *range(2500, 2506),  # video
-}
-
 
 Plugin = TypeVar("Plugin")
 
@@ -55,11 +27,8 @@ class MavsdkPort:
     """Open with ``async with``, then ``port.plugin(ParamAsync)``: any of MAVSDK's asynchronous plugins."""
 
     def __init__(self, link: Link, system_id: int) -> None:
-        self.withheld: Counter[str] = Counter()
-        """What MAVSDK wanted to send and may not, by message or command."""
         self._link = link
         self._system_id = system_id
-        self._decoder = Decoder()
         self._system: System | None = None
         self._plugins: list[Any] = []
 
@@ -69,7 +38,9 @@ class MavsdkPort:
         self._mavsdk = Mavsdk(Configuration.create_manual(GROUND_STATION.system, _COMPONENT, True))
         try:
             self._mavsdk.add_any_connection("raw://")
-            self._mavsdk.subscribe_raw_bytes_to_be_sent(lambda data: loop.call_soon_threadsafe(self._send, data))
+            self._mavsdk.subscribe_raw_bytes_to_be_sent(
+                lambda data: loop.call_soon_threadsafe(self._link.forward, self._system_id, data)
+            )
             self._link.listen(self._system_id, self._mavsdk.pass_received_raw_bytes)
             self._system = await self._find()
         except BaseException:
@@ -116,23 +87,6 @@ class MavsdkPort:
             self._mavsdk.destroy()
 
         try:
-            self._link.listen(self._system_id, None)
+            self._link.unlisten(self._system_id, self._mavsdk.pass_received_raw_bytes)
         finally:
             await asyncio.get_running_loop().run_in_executor(None, end)
-
-    def _send(self, data: bytes) -> None:
-        for frame in self._decoder.feed_datagram(data):
-            what = _withheld(frame)
-            if what is None:
-                self._link.forward(self._system_id, frame)
-            else:
-                self.withheld[what] += 1
-
-
-def _withheld(frame: Frame) -> str | None:
-    """Return the name of what may not pass; None for what may."""
-    match frame.message:
-        case CommandLong(command=command) | CommandInt(command=command):
-            return None if command in _COMMANDS else f"command {command}"
-    number = message_id(frame.raw)
-    return None if number in _MESSAGES and frame.verified else f"message {number}"

@@ -531,7 +531,7 @@ class GimbalDeviceAttitudeStatus(Message):
     gimbal_device_id: int = 0
 
 
-# Parameters and missions: what every ground station asks for
+# Parameters, missions and files: what every ground station asks for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -597,6 +597,71 @@ class MissionCount(Message):
     target_component: int = 0
     count: int = 0
     mission_type: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissionRequestInt(Message):
+    NAME = "MISSION_REQUEST_INT"
+    ID = 51
+
+    target_system: int = 0
+    target_component: int = 0
+    seq: int = 0
+    mission_type: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissionItemInt(Message):
+    NAME = "MISSION_ITEM_INT"
+    ID = 73
+
+    target_system: int = 0
+    target_component: int = 0
+    seq: int = 0
+    frame: int = 0
+    command: int = 0
+    current: int = 0
+    autocontinue: int = 0
+    param1: float = 0.0
+    param2: float = 0.0
+    param3: float = 0.0
+    param4: float = 0.0
+    x: int = 0  # degE7
+    y: int = 0  # degE7
+    z: float = 0.0
+    mission_type: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissionAck(Message):
+    NAME = "MISSION_ACK"
+    ID = 47
+
+    target_system: int = 0
+    target_component: int = 0
+    type: int = 0
+    mission_type: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissionClearAll(Message):
+    NAME = "MISSION_CLEAR_ALL"
+    ID = 45
+
+    target_system: int = 0
+    target_component: int = 0
+    mission_type: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FileTransferProtocol(Message):
+    NAME = "FILE_TRANSFER_PROTOCOL"
+    ID = 110
+
+    target_network: int = 0
+    target_system: int = 0
+    target_component: int = 0
+    payload: tuple[int, ...] = (0,) * 251
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

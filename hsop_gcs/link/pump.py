@@ -5,7 +5,7 @@ ground station falls silent and the vehicles' failsafes notice.
 """
 
 import asyncio
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Mapping
 from types import TracebackType
 from typing import Self
@@ -13,7 +13,6 @@ from typing import Self
 from hsop_gcs.errors import BadInput
 from hsop_gcs.geometry.frames import Aim
 from hsop_gcs.link.account import LinkCounters, Stranger, VehicleLink
-from hsop_gcs.link.codec import Frame
 from hsop_gcs.link.endpoint import Address, Peer, parse_endpoint
 from hsop_gcs.link.events import Event
 from hsop_gcs.link.identity import GROUND_STATION, Identity
@@ -81,7 +80,7 @@ class Link:
         self._on_event = on_event or self.events.put_nowait
         self._on_frame = on_frame
         self._waiting: deque[tuple[bytes, Peer]] = deque()
-        self._listeners: dict[int, Callable[[bytes], None]] = {}
+        self._listeners: dict[int, list[Callable[[bytes], None]]] = defaultdict(list)
         self._dropped = 0
         self._stir = asyncio.Event()
         self._pump: asyncio.Task[None] | None = None
@@ -183,18 +182,20 @@ class Link:
             raise RuntimeError("the link is not open")
         return self._clock()
 
-    def listen(self, system: int, listener: Callable[[bytes], None] | None) -> None:
-        """Show a vehicle's frames to somebody else as well, from now on; None: to nobody. Raises BadInput."""
+    def listen(self, system: int, listener: Callable[[bytes], None]) -> None:
+        """Show what we believe of a vehicle to somebody else as well, until ``unlisten``. Raises BadInput."""
         self._vehicle(system)
-        if listener is None:
-            self._listeners.pop(system, None)
-        else:
-            self._listeners[system] = listener
+        self._listeners[system].append(listener)
 
-    def forward(self, system: int, frame: Frame) -> None:
-        """Send a vehicle a frame that somebody else made; it is signed and recorded like our own."""
+    def unlisten(self, system: int, listener: Callable[[bytes], None]) -> None:
+        """See ``listen``."""
+        if listener in self._listeners[system]:
+            self._listeners[system].remove(listener)
+
+    def forward(self, system: int, data: bytes) -> None:
+        """Send a vehicle what of somebody else's datagram may pass; it is signed and recorded like our own."""
         self._vehicle(system)
-        self._router.forward(system, frame)
+        self._router.forward(system, data)
         self._stir.set()
 
     def keep_alive(self) -> None:
@@ -267,9 +268,9 @@ class Link:
             for frame in self._router.receive(data, peer, self.now()):
                 if self._on_frame is not None:
                     self._on_frame(frame.raw)
-                listener = self._listeners.get(frame.system)
-                if listener is not None and peer == self._router.peer_of(frame.system):
-                    listener(frame.raw)
+                if frame.system in self._listeners and peer == self._router.peer_of(frame.system):
+                    for listener in self._listeners[frame.system]:
+                        listener(frame.raw)
         self._router.advance(self.now())
         for peer, raw in self._router.take_outgoing():
             self._transports[peer.transport].send(raw, (peer.host, peer.port))

@@ -25,6 +25,7 @@ from hsop_gcs.link.enums import MavComponent
 from hsop_gcs.link.events import AddressRefused, AddressRegistered, Event
 from hsop_gcs.link.identity import GROUND_STATION, Identity
 from hsop_gcs.link.messages import Heartbeat, Message
+from hsop_gcs.link.passing import withheld
 from hsop_gcs.link.protocol.heartbeat import OwnHeartbeat
 from hsop_gcs.link.signing import Signing, Verdict
 from hsop_gcs.link.vehicle import Vehicle, VehicleLimits
@@ -187,13 +188,17 @@ class Router:
         """Where a vehicle is registered; None before it was heard."""
         return self._accounts[system].peer
 
-    def forward(self, system: int, frame: Frame) -> None:
-        """Send a frame that somebody else made to a vehicle, with our signature if its link is signed."""
-        peer = self.peer_of(system)
-        if peer is not None:
-            signing = self._signing.get(peer.transport)
+    def forward(self, system: int, data: bytes) -> None:
+        """Send a vehicle what of a datagram of somebody else's may pass, with our signature if its link is signed."""
+        account = self._accounts[system]
+        for frame in Decoder().feed_datagram(data):
+            why_not = withheld(frame, system)
+            if account.peer is None or why_not is not None:
+                account.withheld[why_not or "vehicle not heard yet"] += 1
+                continue
+            signing = self._signing.get(account.peer.transport)
             raw = frame.raw if signing is None else signing.sign(marked_signed(frame.raw))
-            self._forwarded.append((peer, raw))
+            self._forwarded.append((account.peer, raw))
 
     @property
     def counters(self) -> LinkCounters:
@@ -234,6 +239,7 @@ class Router:
             round_trip_s=vehicle.round_trip_s,
             commands_resent=vehicle.commands_resent,
             command_noise=vehicle.command_noise,
+            withheld=dict(account.withheld),
         )
 
     def _forget_a_peer(self) -> bool:

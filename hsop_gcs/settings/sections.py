@@ -151,3 +151,5 @@ class HostSection(Section):
     """Names one of ``[rigs.NAME]``; None: ``[rig]``."""
     key_file: KeyFile | None = None
     """Instead of signing.key_file."""
+    mavsdk_port: Annotated[int, Field(ge=1, le=65535)] | None = None
+    """UDP port on this machine through which MAVSDK reaches the host over our link. None: it does not."""

@@ -10,6 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from hsop_gcs.cameras.rig import CameraRig
 from hsop_gcs.fleet import Fleet, FlightLimits, Host
 from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
+from hsop_gcs.link.endpoint import parse_endpoint
 from hsop_gcs.mission.inputs import Rules
 from hsop_gcs.mission.pipeline import PlanningRules, TargetError
 from hsop_gcs.mission.state import ReplanRules
@@ -54,9 +55,9 @@ class Settings(Section):
     def _unique(cls, hosts: tuple[HostSection, ...]) -> tuple[HostSection, ...]:
         twice = [
             f"two hosts have {name} {value!r}"
-            for name in ("id", "system_id")
+            for name in ("id", "system_id", "mavsdk_port")
             for value, count in Counter(getattr(host, name) for host in hosts).items()
-            if count > 1
+            if count > 1 and value is not None
         ]
         if twice:
             raise ValueError("; ".join(twice))
@@ -87,6 +88,14 @@ class Settings(Section):
                 raise ValueError(f"hosts: those behind {host.connection} must have the same key_file")
         return self
 
+    @model_validator(mode="after")
+    def _mavsdk_beside_the_links(self) -> Self:
+        ours = {each.port for each in (parse_endpoint(host.connection) for host in self.hosts) if each.kind == "udpin"}
+        for host in self.hosts:
+            if host.mavsdk_port in ours:
+                raise ValueError(f"hosts: mavsdk_port {host.mavsdk_port} of {host.id!r} is that of a connection")
+        return self
+
     def key_files(self) -> dict[str, Path]:
         """Return the signing key of every connection that has one."""
         files = {host.connection: host.key_file or self.signing.key_file for host in self.hosts}
@@ -104,7 +113,8 @@ class Settings(Section):
             rigs[name] = None if own == common else own
         return Fleet(
             hosts=tuple(
-                Host(**host.model_dump(exclude={"rig", "key_file"}), rig=rigs[host.rig]) for host in self.hosts
+                Host(**host.model_dump(exclude={"rig", "key_file", "mavsdk_port"}), rig=rigs[host.rig])
+                for host in self.hosts
             ),
             limits=FlightLimits(**self.limits.model_dump()),
             rig=common,

@@ -74,6 +74,7 @@ class ArduCopter(Vehicle):
     AUTOPILOT = MavAutopilot.ARDUPILOTMEGA
     SPOOL_UP_S = 3.2
     GPS_FIX = 6
+    FENCE_INSIDE_ALL = True
     HOME_KNOWN_AFTER = 0.5  # its estimator has an origin some 20 s after power-up, and uses GPS after 40
 
     def __init__(self, config: VehicleConfig, *, now: float, rng: np.random.Generator) -> None:

@@ -36,6 +36,10 @@ class Parameters:
     def listing(self) -> list[ParamValue]:
         return [self.report(name) for name in self._names]
 
+    def text(self) -> bytes:
+        """Return every name with its value, a line each."""
+        return "".join(f"{name} {parameter.value:g}\n" for name, parameter in self._table.items()).encode()
+
     def name_at(self, index: int) -> str | None:
         return self._names[index] if 0 <= index < len(self._names) else None
 

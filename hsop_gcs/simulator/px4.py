@@ -67,6 +67,7 @@ class Px4(Vehicle):
     AUTOPILOT = MavAutopilot.PX4
     SPOOL_UP_S = 1.9
     GPS_FIX = 3
+    FENCE_INSIDE_ALL = False
     HOME_KNOWN_AFTER = 0.0
 
     def __init__(self, config: VehicleConfig, *, now: float, rng: np.random.Generator) -> None:

@@ -14,13 +14,14 @@ from dataclasses import replace
 import numpy as np
 
 from hsop_gcs.link.codec import Frame
-from hsop_gcs.link.enums import MavAutopilot, MavCmd, MavComponent, MavResult, MavSeverity, MavType
+from hsop_gcs.link.enums import MavAutopilot, MavCmd, MavComponent, MavMissionType, MavResult, MavSeverity, MavType
 from hsop_gcs.link.messages import (
     BatteryStatus,
     CommandAck,
     CommandInt,
     CommandLong,
     ExtendedSysState,
+    FileTransferProtocol,
     Heartbeat,
     HomePosition,
     Message,
@@ -36,6 +37,9 @@ from hsop_gcs.link.messages import (
 )
 from hsop_gcs.simulator.body import Body, VehicleConfig
 from hsop_gcs.simulator.faults import FaultKind
+from hsop_gcs.simulator.fence import Fence
+from hsop_gcs.simulator.files import answer
+from hsop_gcs.simulator.flight import Point
 from hsop_gcs.simulator.gimbal import Identity
 from hsop_gcs.simulator.orders import Order, read_order, whole
 from hsop_gcs.simulator.parameters import Parameters
@@ -55,6 +59,8 @@ class Vehicle(Body):
 
     AUTOPILOT: MavAutopilot
     GPS_FIX: int
+    FENCE_INSIDE_ALL: bool
+    """Whether it must be inside of all the inclusions of its fence, or of one."""
     HOME_KNOWN_AFTER: float
     """When home is told, as a share of the time until the vehicle is ready to fly."""
 
@@ -68,6 +74,7 @@ class Vehicle(Body):
     ) -> None:
         super().__init__(config, rng, now)
         self.parameters = parameters
+        self.fence = Fence(lambda lat, lon: self.place_of(lat, lon, config.home.altitude_amsl_m), self.FENCE_INSIDE_ALL)
         self.unheard = 0
         """Messages addressed to somebody else, or of a kind this vehicle does not listen to."""
         self._streams = Streams({message: 1.0 / hz for message, hz in streams_hz.items()}, now)
@@ -169,18 +176,23 @@ class Vehicle(Body):
                 if name in self.parameters:
                     self.parameters.set(name, value)
                     self._outgoing.append(self.parameters.report(name))
-            case MissionRequestList(mission_type=mission_type):
-                self._outgoing.append(
-                    MissionCount(
-                        target_system=sender[0], target_component=sender[1], count=0, mission_type=mission_type
-                    )
-                )
+            case MissionRequestList(mission_type=kind) if kind != MavMissionType.FENCE:
+                nothing = MissionCount(target_system=sender[0], target_component=sender[1], mission_type=kind)
+                self._outgoing.append(nothing)
+            case FileTransferProtocol():
+                self._outgoing.append(answer(message, {"parameters.txt": self.parameters.text()}, sender))
             case Timesync(tc1=0, ts1=theirs):
                 self._outgoing.append(Timesync(tc1=round(self.since_boot_s * 1e9), ts1=theirs))
             case Ping(target_system=0, target_component=0):
                 self._outgoing.append(replace(message, target_system=sender[0], target_component=sender[1]))
             case _:
-                self.unheard += 1
+                said = self.fence.hear(message, sender)
+                self.unheard += said is None
+                self._queue(said)
+
+    def outside_fence(self, target_m: Point, radius_m: float) -> bool:
+        """Whether the uploaded fence or the radius about home forbids a place."""
+        return self.fence.outside(target_m) or super().outside_fence(target_m, radius_m)
 
     def _set_message_interval(self, order: Order) -> MavResult:
         message_id, interval_us = whole(order.p1), order.p2

@@ -12,7 +12,8 @@ from hsop_gcs.errors import BadInput, Unavailable
 from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
 from hsop_gcs.link.codec import Decoder, Encoder, Frame
 from hsop_gcs.link.enums import MavCmd, MavResult
-from hsop_gcs.link.messages import CommandAck, CommandLong, GlobalPositionInt, Heartbeat
+from hsop_gcs.link.messages import Attitude, CommandAck, CommandLong, GlobalPositionInt, Heartbeat, ParamSet
+from hsop_gcs.simulator.faults import parse_fault
 from hsop_gcs.simulator.fleet import Autopilot, FleetConfig, SimulatedFleet, grid, places
 
 ORIGIN = GeodeticPoint(lat_deg=47.4, lon_deg=8.5, altitude_amsl_m=430.0)
@@ -163,3 +164,30 @@ def test_homes_stand_apart_by_the_spacing_at_the_origins_altitude() -> None:
     assert min(pairs) == pytest.approx(12.0, abs=1e-3 * METRE)
     assert {home.altitude_amsl_m for home in homes} == {430.0}
     assert local.to_enu(places(ORIGIN, [(-30.0, 7.0)])[0])[:2] == pytest.approx((-30.0, 7.0), abs=1e-3 * METRE)
+
+
+def test_a_cut_link_carries_nothing_either_way_for_as_long_as_it_is_cut(listener: Listener) -> None:
+    cut_s = (4.0, 8.0)
+    fault = parse_fault("h1:link-cut@4+4", 2)
+    name = "MPC_XY_CRUISE"
+
+    async def body(fleet: SimulatedFleet) -> None:
+        cut, whole = fleet.vehicles
+        heard: dict[int, list[float]] = {1: [], 2: []}
+        while not heard[1] or heard[1][-1] < 9.0:
+            frame = await listener.hear(lambda frame: isinstance(frame.message, Attitude))
+            assert isinstance(frame.message, Attitude)
+            heard[frame.system].append(frame.message.time_boot_ms / 1000)
+            if cut_s[0] + 0.5 < cut.since_boot_s < cut_s[1] - 0.5:
+                for number, to in enumerate(fleet.local_addresses, start=1):
+                    order = ParamSet(
+                        target_system=number, target_component=1, param_id=name, param_value=3.0, param_type=9
+                    )
+                    listener.send(order, to)
+        assert [at_s for at_s in heard[1] if cut_s[0] < at_s < cut_s[1]] == []
+        assert min(heard[1]) < cut_s[0]
+        assert len([at_s for at_s in heard[2] if cut_s[0] < at_s < cut_s[1]]) > 50
+        assert (cut.parameters[name], whole.parameters[name]) == (whole.config.flight.cruise_mps, 3.0)
+        assert fleet.lost > 0
+
+    with_fleet(fleet_of(2, listener.port, faults=[fault]), body)

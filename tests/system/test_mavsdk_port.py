@@ -59,7 +59,7 @@ def test_parameters_are_read_and_set_over_our_signed_and_recorded_link(autopilot
             assert told
             assert all(is_signed(frame.raw) and frame.component == 191 for frame in told)
             # Its heartbeat is withheld: it would hide from the vehicle that ours has stopped.
-            while port.withheld["message 0"] == 0:
+            while link.vehicle_link(2).withheld.get("message 0", 0) == 0:
                 await asyncio.sleep(0.01)
             assert not any(frame.component == 191 and isinstance(frame.message, Heartbeat) for frame in recorded)
 
@@ -71,7 +71,7 @@ def test_mavsdk_cannot_arm_through_the_port() -> None:
         async with signed_pair(Autopilot.PX4) as (link, fleet, recorded), MavsdkPort(link, 1) as port:
             with pytest.raises(ActionError):
                 await port.plugin(ActionAsync).arm()
-            assert port.withheld[f"command {int(MavCmd.COMPONENT_ARM_DISARM)}"] > 0
+            assert link.vehicle_link(1).withheld[f"command {int(MavCmd.COMPONENT_ARM_DISARM)}"] > 0
             assert not fleet.vehicles[0].armed
             assert {frame.system for frame in recorded} == {1, 2, 255}
 

@@ -1,0 +1,43 @@
+"""What another program may tell a vehicle over our link: parameters, fences, files, logs and cameras, and no more.
+
+Orders, modes, targets, streams and heartbeats stay with the service: whatever flies a host goes through its safety
+gates, and no second heartbeat hides from the vehicle that ours has stopped.
+"""
+
+from hsop_gcs.link.codec import Frame, message_id, message_ids
+from hsop_gcs.link.enums import MavCmd
+from hsop_gcs.link.messages import CommandInt, CommandLong
+
+_MESSAGES = message_ids(
+    (
+        *("PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"),
+        *("PARAM_EXT_REQUEST_LIST", "PARAM_EXT_REQUEST_READ", "PARAM_EXT_SET"),
+        *("MISSION_REQUEST_LIST", "MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK"),
+        *("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_CLEAR_ALL"),
+        *("FILE_TRANSFER_PROTOCOL", "LOG_REQUEST_LIST", "LOG_REQUEST_DATA", "LOG_REQUEST_END"),
+        *("PING", "TIMESYNC"),
+    )
+)
+_COMMANDS = {
+    MavCmd.GET_HOME_POSITION,
+    MavCmd.GET_MESSAGE_INTERVAL,
+    MavCmd.REQUEST_MESSAGE,
+    MavCmd.REQUEST_PROTOCOL_VERSION,
+    MavCmd.REQUEST_AUTOPILOT_CAPABILITIES,
+    *range(521, 535),  # camera and storage: information, mode, zoom, focus
+    *(2000, 2001),  # images
+    *range(2500, 2506),  # video
+}
+
+
+def withheld(frame: Frame, system: int) -> str | None:
+    """Return the name of what may not pass to this vehicle; None for what may."""
+    match frame.message:
+        case CommandLong(command=command) | CommandInt(command=command) if command not in _COMMANDS:
+            return f"command {command}"
+        case CommandLong() | CommandInt():
+            pass
+        case _ if message_id(frame.raw) not in _MESSAGES or not frame.verified:
+            return f"message {message_id(frame.raw)}"
+    # Behind one radio there may be others.
+    return None if getattr(frame.message, "target_system", system) in (0, system) else "to another system"

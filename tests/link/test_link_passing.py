@@ -1,0 +1,83 @@
+"""What other programs may tell a vehicle over our link."""
+
+import pytest
+
+from hsop_gcs.link.codec import Decoder, Encoder, is_signed
+from hsop_gcs.link.endpoint import Peer
+from hsop_gcs.link.enums import MavAutopilot, MavCmd
+from hsop_gcs.link.messages import (
+    CommandInt,
+    CommandLong,
+    FileTransferProtocol,
+    Heartbeat,
+    Message,
+    MissionCount,
+    ParamSet,
+    SetMode,
+    SetPositionTargetGlobalInt,
+    Timesync,
+)
+from hsop_gcs.link.router import Router
+from hsop_gcs.link.signing import Signing, SigningClock
+
+HERE = Peer(0, "127.0.0.1", 14541)
+GUEST = Encoder(system=245, component=190)
+
+
+def heard_router(*, signed: bool = False) -> Router:
+    """A router that has heard vehicles 1 and 2 behind one radio, with nothing left to send."""
+    sign = Signing(bytes(32), clock=SigningClock(lambda: 1.8e9))
+    router = Router([1, 2, 3], signing={0: Signing(bytes(32), clock=SigningClock(lambda: 1.8e9))} if signed else {})
+    for system in (1, 2):
+        vehicle = Encoder(system=system, component=1, sign=sign.sign if signed else None)
+        router.receive(vehicle.encode(Heartbeat(autopilot=MavAutopilot.PX4)), HERE, 0.0)
+    router.take_outgoing()
+    return router
+
+
+@pytest.mark.parametrize("signed", [False, True])
+@pytest.mark.parametrize(
+    "message",
+    [
+        ParamSet(target_system=1, param_id="A"),
+        MissionCount(target_system=1, count=3, mission_type=1),
+        FileTransferProtocol(target_system=1),
+        CommandLong(target_system=1, command=MavCmd.REQUEST_CAMERA_INFORMATION),
+        CommandLong(target_system=1, command=MavCmd.REQUEST_MESSAGE),
+        Timesync(ts1=5),
+    ],
+)
+def test_parameters_fences_files_and_cameras_pass_signed_as_our_link_is(message: Message, signed: bool) -> None:
+    router = heard_router(signed=signed)
+    router.forward(1, GUEST.encode(message))
+    ((peer, raw),) = router.take_outgoing()
+    (frame,) = Decoder().feed_datagram(raw)
+    assert (peer, frame.message, frame.system, is_signed(raw)) == (HERE, message, 245, signed)
+    assert router.vehicle_link(1, 0.0).withheld == {}
+
+
+@pytest.mark.parametrize(
+    ("message", "why_not"),
+    [
+        (Heartbeat(), "message 0"),
+        (SetMode(target_system=1), "message 11"),
+        (SetPositionTargetGlobalInt(target_system=1), "message 86"),
+        (CommandLong(target_system=1, command=MavCmd.COMPONENT_ARM_DISARM), "command 400"),
+        (CommandInt(target_system=1, command=MavCmd.DO_REPOSITION), "command 192"),
+        (CommandLong(target_system=1, command=MavCmd.SET_MESSAGE_INTERVAL), "command 511"),
+        (ParamSet(target_system=2, param_id="A"), "to another system"),
+        (CommandLong(target_system=2, command=MavCmd.REQUEST_MESSAGE), "to another system"),
+    ],
+)
+def test_what_flies_a_vehicle_is_withheld_and_counted(message: Message, why_not: str) -> None:
+    router = heard_router()
+    router.forward(1, GUEST.encode(message) + GUEST.encode(message))
+    assert router.take_outgoing() == []
+    assert router.vehicle_link(1, 0.0).withheld == {why_not: 2}
+
+
+def test_to_a_vehicle_that_was_not_heard_nothing_is_sent_and_that_is_counted() -> None:
+    router = heard_router()
+    router.forward(3, GUEST.encode(ParamSet(target_system=3, param_id="A")))
+    assert router.take_outgoing() == []
+    assert router.vehicle_link(3, 0.0).withheld == {"vehicle not heard yet": 1}
