@@ -1,6 +1,7 @@
 """The composition root: settings become objects, which start and stop in order."""
 
 import asyncio
+import gc
 import logging
 import signal
 import socket
@@ -127,7 +128,15 @@ async def running_service(settings: Settings) -> AsyncIterator[str]:
     with _listen(settings.service.host, settings.service.port) as listening:
         async with running_mission(settings) as mission, WhatIf() as what_if:
             api = create_api(mission, what_if, max_body_bytes=settings.service.max_body_bytes)
-            server = _Server(uvicorn.Config(api, log_level="warning", lifespan="off", timeout_graceful_shutdown=2))
+            config = uvicorn.Config(
+                api,
+                log_level="warning",
+                access_log=False,
+                proxy_headers=False,
+                lifespan="off",
+                timeout_graceful_shutdown=2,
+            )
+            server = _Server(config)
             serving = asyncio.create_task(server.serve(sockets=[listening]))
             try:
                 host, port = listening.getsockname()[:2]
@@ -143,6 +152,9 @@ async def serve(settings: Settings, on_ready: Callable[[str], None]) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(number, stop.set)
     async with running_service(settings) as address:
+        # what is there now stays to the end: no collection of garbage needs to go through it again
+        gc.collect()
+        gc.freeze()
         on_ready(address)
         await stop.wait()
 

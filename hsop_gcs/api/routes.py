@@ -1,9 +1,9 @@
 """The REST API, /api/v1."""
 
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 from fastapi import APIRouter, FastAPI, Query, Request
-from fastapi.responses import JSONResponse
+from fastapi.responses import Response
 from starlette.middleware.body_limit import RequestBodyLimitMiddleware
 
 from hsop_gcs.api import detections, intake, placements, views
@@ -26,7 +26,6 @@ from hsop_gcs.api.schemas import (
 from hsop_gcs.errors import BadInput
 from hsop_gcs.mission.controller import Mission
 
-Results = TypeVar("Results", ReportResults, detections.DetectionResults)
 _REF = "#/components/schemas/{model}"
 _PROBLEM: dict[str, Any] = {
     "description": "What is wrong, with the field and the value",
@@ -66,7 +65,7 @@ def _routes(mission: Mission) -> APIRouter:
         responses=_problems(400, 413, 422),
         openapi_extra=_one_or_many("ReportIn"),
     )
-    async def post_reports(request: Request) -> ReportResults | JSONResponse:
+    async def post_reports(request: Request) -> Response:
         """Report one threat, or many; each is judged by itself and answered at its own index.
 
         200 if at least one was accepted, 422 if none was.
@@ -84,7 +83,7 @@ def _routes(mission: Mission) -> APIRouter:
         responses=_problems(400, 413, 422),
         openapi_extra=_one_or_many("DetectionIn"),
     )
-    async def post_detections(request: Request) -> detections.DetectionResults | JSONResponse:
+    async def post_detections(request: Request) -> Response:
         """Tell what a host's camera saw, or many such sights; each is judged by itself.
 
         200 if at least one was accepted, 422 if none was.
@@ -167,10 +166,10 @@ def _one_or_many(model: str) -> dict[str, Any]:
     return {"requestBody": {"required": True, "content": {"application/json": {"schema": schema}}}}
 
 
-def _judged(results: Results) -> Results | JSONResponse:
+def _judged(results: ReportResults | detections.DetectionResults) -> Response:
     """The results, or a problem if nothing was accepted: the first fault, and all of them behind it."""
     if results.accepted > 0:
-        return results
+        return Response(results.model_dump_json(), media_type="application/json")
     first = results.results[0].errors
     return problem(
         422,

@@ -91,7 +91,7 @@ class ReportResult(BaseModel):
     index: int
     status: Literal["accepted", "rejected"]
     threat: str | None = None
-    errors: list[FieldFault] = []
+    errors: list[FieldFault] = Field(default_factory=list)
 
 
 class ReportResults(BaseModel):

@@ -7,6 +7,7 @@ import typer
 
 from hsop_gcs.cli.bench_link import link
 from hsop_gcs.cli.bench_machine import this_machine
+from hsop_gcs.cli.bench_reports import reports
 from hsop_gcs.cli.output_file import require_directory
 
 if TYPE_CHECKING:
@@ -15,12 +16,15 @@ if TYPE_CHECKING:
     from hsop_gcs.bench.measure import Report
 
 commands = typer.Typer(
-    name="bench", help="Quality and time of placements, cost and delays of the link.", no_args_is_help=True
+    name="bench",
+    help="Quality and time of placements, cost and delays of the link and of reports.",
+    no_args_is_help=True,
 )
 
 
 def register(app: typer.Typer) -> None:
     commands.command()(link)
+    commands.command()(reports)
     app.add_typer(commands)
 
 

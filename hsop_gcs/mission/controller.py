@@ -61,6 +61,8 @@ from hsop_gcs.reports import Measurement, Site
 from hsop_gcs.tracks import Refusal, Verdict, prune
 
 _TICK_S = 0.2
+_REST_S = 0.02
+"""After each look at everything: what comes meanwhile, such as hundreds of reports a second, is looked at together."""
 _GIMBAL_LAG_S = 0.2
 """From working out an aim to a gimbal that looks there: half a tick, the link and the gimbal's own response."""
 _EVENTS_KEPT = 500
@@ -261,9 +263,10 @@ class Mission:
                     log.exception("the mission stands still until its journal can be written")
                 self.link.keep_alive()
                 self._changed.clear()
+                await asyncio.sleep(_REST_S)
                 # not wait_for: of a timeout and a cancellation at once it keeps the timeout (before Python 3.12)
                 with contextlib.suppress(TimeoutError):
-                    async with asyncio.timeout(_TICK_S):
+                    async with asyncio.timeout(_TICK_S - _REST_S):
                         await self._changed.wait()
 
     def _advance(self, tasks: asyncio.TaskGroup) -> None:
@@ -288,12 +291,11 @@ class Mission:
                 self._solving = tasks.create_task(self._solve(asked.situation))
 
     def _age(self, now_s: float) -> None:
-        before = self.state.picture.tracks
         after, gone = prune(self.state.picture, now_s, self.state.rules.tracks)
         for track in gone:
             log.info("threat %s has not been reported for %.0f s: it has left", track.id, now_s - track.time_s)
-        changed = any(track.status is not before[track_id].status for track_id, track in after.tracks.items())
-        if gone or changed or let_go(self.state.watch, now_s, self.state.rules.detections) is not self.state.watch:
+        changed = after.tracks is not self.state.picture.tracks
+        if changed or let_go(self.state.watch, now_s, self.state.rules.detections) is not self.state.watch:
             self._take(TimePassed(time_s=now_s))
 
     def _follow_threats(self, now_s: float) -> None:

@@ -238,7 +238,7 @@ def _is_held_by_others(track: Track, measurement: Report, rules: TrackRules) -> 
 def _out_of_reach(track: Track, report: Report, rules: TrackRules) -> Refusal | None:
     before = state_before(track.steps, report.time_s)
     elapsed_s = abs(report.time_s - before.time_s)
-    sigma_m = max(report.sigma_m or 0.0, math.sqrt(float(before.covariance[:3, :3].trace()) / 3))
+    sigma_m = max(report.sigma_m or 0.0, math.sqrt(before.position_variance_m2))
     jump_m = math.dist(before.mean[:3].tolist(), report.position_m)
     if jump_m <= rules.reach_m + 6 * sigma_m + rules.max_speed_mps * elapsed_s:
         return None

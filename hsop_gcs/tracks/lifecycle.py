@@ -39,14 +39,13 @@ def extend(track: Track, measurement: Measurement, steps: Steps, *, now_s: float
     """Return the track with a measurement that ``steps`` already hold."""
     size_m = measurement.size_m if isinstance(measurement, Report) else None
     confirmed = track.status is not TrackStatus.TENTATIVE or _confirms(measurement, rules) or _m_of_n(steps, rules)
-    velocity_variance = float(steps[-1].state.covariance[3:, 3:].trace()) / 3
     extended = Track(
         id=track.id,
         source=track.source,
         source_threat_id=track.source_threat_id,
         sources=_bound(track.sources, measurement),
         status=TrackStatus.CONFIRMED if confirmed else TrackStatus.TENTATIVE,
-        velocity_known=velocity_variance <= rules.velocity_known_sigma_mps**2,
+        velocity_known=steps[-1].state.velocity_variance_m2ps2 <= rules.velocity_known_sigma_mps**2,
         size_m=size_m or track.size_m,
         reports=track.reports + 1,
         first_seen_s=min(track.first_seen_s, steps[0].time_s),
@@ -101,6 +100,6 @@ def _bound(bindings: tuple[Binding, ...], measurement: Measurement) -> tuple[Bin
     source, threat_id, time_s = measurement.source, measurement.threat_id, measurement.time_s
     for index, each in enumerate(bindings):
         if each.source == source and each.threat_id == threat_id:
-            newest = replace(each, time_s=max(each.time_s, time_s))
+            newest = Binding(source=source, threat_id=threat_id, time_s=max(each.time_s, time_s))
             return (*bindings[:index], newest, *bindings[index + 1 :])
     return (*bindings, Binding(source=source, threat_id=threat_id, time_s=time_s))

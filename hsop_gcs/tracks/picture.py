@@ -61,13 +61,15 @@ def update(
 
 def prune(picture: Picture, now_s: float, rules: TrackRules) -> tuple[Picture, tuple[Track, ...]]:
     """Return the picture as it stands at ``now_s``, and the threats that left it: not reported for too long."""
-    gone = tuple(track for track in picture.tracks.values() if has_left(track, now_s, rules))
-    ids = {track.id for track in gone}
-    left = {track.id: aged(track, now_s, rules) for track in picture.tracks.values() if track.id not in ids}
+    before = picture.tracks
+    left = {name: aged(track, now_s, rules) for name, track in before.items() if not has_left(track, now_s, rules)}
+    gone = tuple(track for name, track in before.items() if name not in left)
+    changed = gone or any(left[name] is not track for name, track in before.items())
     sources = {
         name: watch for name, watch in picture.sources.items() if now_s - watch.last_heard_s <= rules.source_memory_s
     }
-    return replace(picture, tracks=MappingProxyType(left), sources=MappingProxyType(sources)), gone
+    tracks = MappingProxyType(left) if changed else before
+    return replace(picture, tracks=tracks, sources=MappingProxyType(sources)), gone
 
 
 def dismiss(picture: Picture, track_id: str) -> Picture:

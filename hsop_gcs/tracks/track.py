@@ -72,7 +72,7 @@ class Track:
     @property
     def sigma_m(self) -> float:
         """Standard deviation of the position, each axis, root mean square over the axes."""
-        return math.sqrt(float(self.state.covariance[:3, :3].trace()) / 3)
+        return math.sqrt(self.state.position_variance_m2)
 
     def is_bound_to(self, source: str, threat_id: str) -> bool:
         """Return whether a source's id stands for this track."""
@@ -81,7 +81,7 @@ class Track:
     @property
     def velocity_sigma_mps(self) -> float:
         """Standard deviation of the velocity, each axis, root mean square over the axes."""
-        return math.sqrt(float(self.state.covariance[3:, 3:].trace()) / 3)
+        return math.sqrt(self.state.velocity_variance_m2ps2)
 
     def position_at(self, time_s: float) -> Vector3:
         """Return where it is expected at ``time_s``, ENU metres: straight on at constant speed (Eq. 7)."""
