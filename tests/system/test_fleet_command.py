@@ -2,6 +2,10 @@
 
 import json
 import os
+import pty
+import re
+import select
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -55,6 +59,51 @@ def test_a_service_is_asked_and_the_table_fits_80_columns() -> None:
     assert "Hold" in h1
     assert "air" in h1
     assert "…" not in h1
+
+
+class Screen:
+    """A terminal of 80 columns that shows a live ``hsop-gcs fleet``."""
+
+    def __init__(self, *arguments: str) -> None:
+        self._ours, theirs = pty.openpty()
+        environment = os.environ | {"COLUMNS": "80", "TERM": "xterm"}
+        command = [sys.executable, "-m", "hsop_gcs", "fleet", *arguments]
+        self.process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=theirs, stderr=subprocess.PIPE, env=environment
+        )
+        os.close(theirs)
+        self.output = ""
+
+    def row(self, host: str) -> str:
+        """Read on for a moment; return what the newest table says of a host, empty before there is one."""
+        if select.select([self._ours], [], [], 0.5)[0]:
+            self.output += os.read(self._ours, 65536).decode()
+        lines = [re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", line).strip() for line in self.output.split("\n")]
+        return next((line for line in reversed(lines) if line.startswith(f"{host} ")), "")
+
+    def interrupt(self) -> tuple[int, str]:
+        """Press Ctrl-C; return the exit code and what was complained of."""
+        self.process.send_signal(signal.SIGINT)
+        _, complaints = self.process.communicate(timeout=30)
+        self.row("")
+        os.close(self._ours)
+        return self.process.returncode, complaints.decode()
+
+
+def test_the_table_of_a_terminal_is_drawn_again_as_hosts_come_and_go(tmp_path: Path) -> None:
+    port = free_udp_port()
+    screen = Screen("--config", config(tmp_path, port))
+    try:
+        wait_until(lambda: "silent" in screen.row("h1"))
+        with simulated_fleet(port, 1):
+            in_air = wait_until(lambda: row if "air" in (row := screen.row("h1")) else None)
+            assert re.search(r"h1 +1 +px4 1\.16\.0 +\d+/s .*100% +Hold +air +47\.397\d 8\.545\d 528", in_air)
+            assert "silent" in screen.row("h2")
+        wait_until(lambda: "silent" in screen.row("h1"))
+    finally:
+        assert screen.interrupt() == (130, "")
+    assert screen.output.count("\x1b[1A") > 10, "each table is drawn over the one before"
+    assert screen.output.count("\x1b[?25h") == screen.output.count("\x1b[?25l") == 1, "the cursor is given back"
 
 
 def test_nothing_to_ask_is_one_line() -> None:
