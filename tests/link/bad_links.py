@@ -51,6 +51,15 @@ class _End:
     flown_m: list[Place] = field(default_factory=list)
     """Every goal it ever had, in the order in which it took them up."""
 
+    @property
+    def position_m(self) -> Place:
+        """Where it really is, ENU of the origin."""
+        return self.from_home_m(self.vehicle.state.position_m)
+
+    def from_home_m(self, place_m: Place) -> Place:
+        east, north, up = (float(each) for each in LOCAL.to_enu(self.vehicle.config.home) + np.array(place_m))
+        return east, north, up
+
 
 class FleetOverBadLinks:
     """As many vehicles as asked for, PX4 and ArduPilot in turn, airborne."""
@@ -144,7 +153,6 @@ class FleetOverBadLinks:
         goal = end.vehicle.goal
         if goal is None:
             return
-        home = LOCAL.to_enu(end.vehicle.config.home)
-        east, north, up = (float(each) for each in home + np.array(goal.position_m))
-        if not end.flown_m or np.linalg.norm(np.subtract(end.flown_m[-1], (east, north, up))) > 0.5:
-            end.flown_m.append((east, north, up))
+        place_m = end.from_home_m(goal.position_m)
+        if not end.flown_m or np.linalg.norm(np.subtract(end.flown_m[-1], place_m)) > 0.5:
+            end.flown_m.append(place_m)

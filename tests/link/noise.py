@@ -11,13 +11,18 @@ GOOD_EVERY = 10
 
 
 def noise(rng: Random, frames: int, *, sign: Callable[[bytes], bytes] | None = None) -> Iterator[tuple[bytes, bool]]:
-    """Yield frames, or what is left of them, and whether each is good: every tenth is, on average."""
+    """Yield frames, or what is left of them, and whether each is good: every tenth is, on average.
+
+    Changes of a frame that undo each other leave a good one.
+    """
     good, bad = Encoder(system=1, component=1, sign=sign), Encoder(system=1, component=1, sign=sign)
     for number in range(frames):
         if rng.randrange(GOOD_EVERY) == 0:
             yield good.encode(_message(rng, number)), True
         else:
-            yield _spoiled(rng, bad.encode(_message(rng, number))), False
+            raw = bad.encode(_message(rng, number))
+            spoiled = _spoiled(rng, raw)
+            yield spoiled, spoiled == raw
 
 
 def pieces(rng: Random, stream: bytes) -> Iterator[bytes]:

@@ -1,6 +1,9 @@
 """Plans over links that lose 30 % each way, delay by 300 ± 200 ms and double 5 %: everything once, in its order."""
 
+import math
+
 import numpy as np
+import pytest
 
 from hsop_gcs.geometry.frames import Aim
 from hsop_gcs.link.events import Arrived, OrderAccepted, OrderFailed
@@ -38,6 +41,9 @@ def check_two_plans(seed: int) -> None:
     for bad_s, good_s in zip(took_s, without_loss_s, strict=True):
         assert bad_s <= 3 * good_s
     assert fleet.of(OrderFailed) == []
+    lost_to_vehicles = sum(end.inward.lost for end in fleet.ends)
+    assert lost_to_vehicles / fleet.router.counters.sent == pytest.approx(TERRIBLE.loss, abs=0.05)
+    assert fleet.router.counters.lost > 0
     for index, end in enumerate(fleet.ends):
         wanted_m = [*FIRST[index].legs_m, *SECOND[index].legs_m]
         # Before the first order it hovered where it was; a goal taken up twice in a row is still one goal.
@@ -47,6 +53,8 @@ def check_two_plans(seed: int) -> None:
         assert ids == [f"P1/h{index + 1}/via1", f"P1/h{index + 1}", f"P2/h{index + 1}"]
         arrived = [event.order_id for event in fleet.of(Arrived) if event.system == index + 1]
         assert arrived == [f"P1/h{index + 1}", f"P2/h{index + 1}"]
+        assert np.allclose(end.position_m, wanted_m[-1], atol=1.0 * METRE)
+        assert abs(math.degrees(end.vehicle.state.heading_rad) - SECOND[index].heading_deg) < 3
 
 
 def test_two_plans_are_carried_out_once_and_in_order_over_terrible_links() -> None:
