@@ -64,12 +64,12 @@ class Threat:
     position_m: tuple[float, float]
     velocity_mps: tuple[float, float]
 
-    def report(self, since_s: float, now_s: float) -> dict[str, Any]:
+    def report(self, since_s: float, now_s: float, *, velocity: bool = True) -> dict[str, Any]:
         laps, after_s = divmod(now_s - since_s, TURNS_AFTER_S)
         ahead_s, sign = (TURNS_AFTER_S - after_s, -1.0) if laps % 2 else (after_s, 1.0)
         enu = [p + v * ahead_s for p, v in zip(self.position_m, self.velocity_mps, strict=True)]
         place = LocalFrame(ORIGIN).to_geodetic(np.array([*enu, HEIGHT_M]))
-        return {
+        report = {
             "source": "bench",
             "threat_id": self.name,
             "time": datetime.fromtimestamp(now_s, UTC).isoformat(),
@@ -79,13 +79,11 @@ class Threat:
                 "altitude_m": place.altitude_amsl_m,
                 "altitude_datum": "amsl",
             },
-            "velocity": {
-                "east_mps": sign * self.velocity_mps[0],
-                "north_mps": sign * self.velocity_mps[1],
-                "up_mps": 0.0,
-            },
             "sigma_m": 1.0,
         }
+        east_mps, north_mps = (sign * each for each in self.velocity_mps)
+        known = {"velocity": {"east_mps": east_mps, "north_mps": north_mps, "up_mps": 0.0}} if velocity else {}
+        return report | known
 
 
 def random_threat(name: str, rng: np.random.Generator) -> Threat:

@@ -19,10 +19,16 @@ def link(
     vehicles: Annotated[int, typer.Option(help="At full telemetry; 0 leaves this part out.")] = 100,
     duration: Annotated[float, typer.Option(help="Of that part, seconds.")] = 60.0,
     reports: Annotated[int, typer.Option(help="Pairs of threats reported to four hosts; 0: none.")] = 100,
+    velocity: Annotated[
+        bool, typer.Option("--velocity/--no-velocity", help="Whether these reports carry one; without, tracks wait.")
+    ] = True,
     seed: Annotated[int, typer.Option(help="Of the threats and of who is held.")] = 0,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write what was measured here.")] = None,
-) -> None:
-    """Run the service beside a fleet in a process of its own: its cost, its delays, and report to first waypoint."""
+) -> int:
+    """Run the service beside a fleet in a process of its own: its cost, its delays, and report to first waypoint.
+
+    Exit code 0 if every limit holds, 1 if one does not.
+    """
     from rich.console import Console
 
     from hsop_gcs.bench.link import measure
@@ -36,9 +42,12 @@ def link(
     require_directory("--json", json_file)
     machine = this_machine()
     with Console(stderr=True).status("beginning") as status:
-        result = measure(vehicles=vehicles, duration_s=duration, reports=reports, seed=seed, step=status.update)
+        result = measure(
+            vehicles=vehicles, duration_s=duration, reports=reports, velocity=velocity, seed=seed, step=status.update
+        )
     _print(result, Console())
     machine.tell(result.to_json(), json_file)
+    return int(not all(limit.holds for limit in result.limits()))
 
 
 def _print(result: "Result", console: "Console") -> None:
@@ -70,3 +79,10 @@ def _print(result: "Result", console: "Console") -> None:
     for what, each in spreads.items():
         table.add_row(what, str(each.count), *(f"{1e3 * s:.0f}" for s in (each.p50_s, each.p99_s, each.worst_s)))
     console.print(table)
+    limits = Table(title="Asked of 100 vehicles for ten minutes, and of a report in auto")
+    for heading in ("what", "measured", "at most", "holds"):
+        limits.add_column(heading, justify="left" if heading == "what" else "right")
+    for limit in result.limits():
+        measured, at_most = (f"{each:.3g} {limit.unit}" for each in (limit.measured, limit.at_most))
+        limits.add_row(limit.what, measured, at_most, "yes" if limit.holds else "NO")
+    console.print(limits)

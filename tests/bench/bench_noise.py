@@ -39,7 +39,7 @@ class Ear:
         self.peer = peer
         self.expected: deque[bytes] = deque()
         self.missed = self.swallowed = self.unexpected = 0
-        self._chance: deque[bytes] = deque(maxlen=20)
+        self._chance: deque[bytes] = deque(maxlen=200)
         """The frames since the last good one that have a good checksum, or an unknown one, and that nobody sent."""
         self.busy_s = 0.0
 
