@@ -7,7 +7,7 @@ import numpy as np
 
 from hsop_gcs.assignment.arrangement import NoSafeFlight, arrange
 from hsop_gcs.assignment.matching import FloatArray, assign
-from hsop_gcs.assignment.routes import FlightRules, Mover, safe_route
+from hsop_gcs.assignment.routes import FlightRules, Mover, Route, safe_route
 from hsop_gcs.assignment.separation import Flight
 from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.geometry.frames import Aim, aim_between
@@ -50,22 +50,9 @@ def orders_for(
     the placement, decide where cameras look. Orders come in the sequence of the placement's hosts; behind them those of
     idle hosts that have to give way. standing: what hovers there and cannot be sent.
     """
-    rigs = {mover.id: mover.rig for mover in movers}
-    routes = [
-        [
-            safe_route(mover, pose.position_m, threats_now, rules) if mover.rig == rigs.get(pose.host) else None
-            for pose in placement.hosts
-        ]
-        for mover in movers
-    ]
-    lengths = [[math.inf if route is None else route.length_m for route in row] for row in routes]
-    flight_m = np.array(lengths).reshape(len(movers), len(placement.hosts))
-    chosen = assign(flight_m)
-    if chosen is None:
-        return NoSafeFlight(reason=_why_not(flight_m, placement, rules.safety_distance_m))
-    flown_by = {
-        movers[host].id: route for point, host in enumerate(chosen) if (route := routes[host][point]) is not None
-    }
+    flown_by = _shared_out(placement, movers, threats_now, rules)
+    if isinstance(flown_by, NoSafeFlight):
+        return flown_by
     arranged = arrange(flown_by, movers, threats_now, rules, standing=standing)
     if isinstance(arranged, NoSafeFlight):
         return arranged
@@ -82,6 +69,35 @@ def orders_for(
     return tuple(
         replace(order, via_m=flown[order.host].route_m[:-1], wait_s=flown[order.host].wait_s) for order in orders
     )
+
+
+def _shared_out(
+    placement: Placement, movers: tuple[Mover, ...], threats: tuple[Threat, ...], rules: FlightRules
+) -> dict[str, Route] | NoSafeFlight:
+    """The hosts that fly to the placement's hover points, in their sequence, and their routes.
+
+    Routes past threats take long to find. No route is shorter than the straight line: so only those are looked for that
+    an assignment by the lengths known so far would fly, until it flies none that is not known.
+    """
+    rigs = {mover.id: mover.rig for mover in movers}
+    least_m = np.array(
+        [
+            [math.dist(mover.position_m, pose.position_m) if mover.rig == rigs.get(pose.host) else math.inf]
+            for mover in movers
+            for pose in placement.hosts
+        ]
+    ).reshape(len(movers), len(placement.hosts))
+    routes: dict[tuple[int, int], Route | None] = {}
+    while (chosen := assign(least_m)) is not None:
+        flights = [(host, point) for point, host in enumerate(chosen)]
+        unknown = [flight for flight in flights if flight not in routes]
+        if not unknown:
+            return {movers[host].id: route for host, point in flights if (route := routes[host, point]) is not None}
+        for host, point in unknown:
+            route = safe_route(movers[host], placement.hosts[point].position_m, threats, rules)
+            routes[host, point] = route
+            least_m[host, point] = math.inf if route is None else route.length_m
+    return NoSafeFlight(reason=_why_not(least_m, placement, rules.safety_distance_m))
 
 
 def order_for(

@@ -3,11 +3,12 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hsop_gcs.assignment import FlightRules, HostOrder, Mover, NoSafeFlight, clearance_m, orders_for, safe_route
+from hsop_gcs.assignment import FlightRules, HostOrder, Mover, NoSafeFlight, assign, clearance_m, orders_for, safe_route
 from hsop_gcs.cameras.pinhole import PinholeCamera
 from hsop_gcs.cameras.rig import CameraKind, CameraRig
 from hsop_gcs.placement.problem import Formulation, Objective, Point, Threat
@@ -178,3 +179,35 @@ def test_a_hover_point_is_given_only_to_a_host_with_the_rig_that_it_was_found_fo
     alike = ordered(tuple(replace(each, rig=None) for each in others))
     assert not isinstance(alike, NoSafeFlight)
     assert {order.host for order in alike} == {"near", "b"}
+
+
+corner = st.tuples(st.floats(-80, 80), st.floats(-80, 80))
+
+
+@given(st.lists(corner, min_size=4, max_size=4), st.lists(corner, min_size=3, max_size=3), st.lists(corner, max_size=2))
+@settings(deadline=None, max_examples=25)
+def test_hosts_share_the_points_out_as_if_every_route_were_known(
+    homes: list[tuple[float, float]], goals: list[tuple[float, float]], beside: list[tuple[float, float]]
+) -> None:
+    """Fewer routes are looked for; none shorter is missed."""
+    movers = tuple(mover(f"h{number}", east, north, 50) for number, (east, north) in enumerate(homes))
+    poses = [pose(name, (east, north, 50.0), None) for name, (east, north) in zip("abc", goals, strict=True)]
+    threats = tuple(Threat(id=f"t{n}", position_m=(east, north, 50.0)) for n, (east, north) in enumerate(beside))
+    loose = replace(RULES, separation_m=0.0)
+    routes = [[safe_route(each, goal.position_m, threats, loose) for goal in poses] for each in movers]
+    lengths_m = [[math.inf if route is None else route.length_m for route in row] for row in routes]
+    best = assign(np.array(lengths_m))
+    orders = orders_for(placement(*poses), movers, threats_now=threats, threats_then=threats, rules=loose)
+    if best is None:
+        assert isinstance(orders, NoSafeFlight)
+        return
+    assert not isinstance(orders, NoSafeFlight)
+    flown_m = [
+        sum(map(math.dist, way, way[1:]))
+        for order in orders
+        for each in movers
+        if each.id == order.host and (way := [each.position_m, *order.via_m, order.position_m])
+    ]
+    best_m = [lengths_m[host][point] for point, host in enumerate(best)]
+    assert max(flown_m) == pytest.approx(max(best_m), abs=CENTIMETRE)
+    assert sum(flown_m) == pytest.approx(sum(best_m), abs=CENTIMETRE)
