@@ -247,6 +247,9 @@ async def _run(
         await fleet.close()
         if fleet.lost:
             typer.echo(f"link: {fleet.lost} datagrams not carried")
+        if fleet.refused:
+            told = ", ".join(f"{count} {what}" for what, count in fleet.refused.items())
+            typer.echo(f"signatures refused: {told}")
         if lookout is not None:
             typer.echo(str(lookout.tally))
 

@@ -109,6 +109,11 @@ class SimulatedFleet:
         return sum(member.lost for member in self.members)
 
     @property
+    def refused(self) -> Counter[str]:
+        """Frames whose signature was not believed, by what was wrong."""
+        return sum((member.refused for member in self.members), Counter())
+
+    @property
     def local_addresses(self) -> list[Address]:
         """Where each vehicle listens, once started."""
         return [member.local_address for member in self.members]
@@ -243,7 +248,8 @@ class _Member(asyncio.DatagramProtocol):
         if self._signing is None:
             return True
         verdict = self._signing.judge(frame.raw)
-        self.refused[verdict] += not verdict.accepted
+        if not verdict.accepted:
+            self.refused[verdict] += 1
         return verdict.accepted
 
     def _cut(self, now: float) -> bool:

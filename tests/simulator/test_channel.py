@@ -42,6 +42,15 @@ def test_delay_and_jitter_bound_the_time_under_way_and_reorder() -> None:
     assert [number for _, number in arrived] != sorted(number for _, number in arrived)
 
 
+def test_so_many_are_held_back_behind_those_sent_after_them() -> None:
+    arrived = transmit(Impairment(reordering=0.2))
+    late = [number for now, number in arrived if now - number * 1e-3 > 0.05]
+    assert len(late) == pytest.approx(0.2 * SENT, abs=4 * math.sqrt(SENT * 0.2 * 0.8))
+    assert sorted(number for _, number in arrived) == list(range(SENT))
+    order = [number for _, number in arrived]
+    assert all(order.index(number + 1) < order.index(number) for number in late[:20] if number + 1 not in late)
+
+
 def test_the_same_seed_gives_the_same_losses() -> None:
     impairment = Impairment(loss=0.3, duplication=0.1, reordering=0.1, jitter_s=0.02)
     assert transmit(impairment, seed=5) == transmit(impairment, seed=5)

@@ -13,6 +13,7 @@ from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
 from hsop_gcs.link.codec import Decoder, Encoder, Frame
 from hsop_gcs.link.enums import MavCmd, MavResult
 from hsop_gcs.link.messages import Attitude, CommandAck, CommandLong, GlobalPositionInt, Heartbeat, ParamSet
+from hsop_gcs.link.signing import Signing, SigningClock
 from hsop_gcs.simulator.faults import parse_fault
 from hsop_gcs.simulator.fleet import Autopilot, FleetConfig, SimulatedFleet, grid, places
 
@@ -191,3 +192,34 @@ def test_a_cut_link_carries_nothing_either_way_for_as_long_as_it_is_cut(listener
         assert fleet.lost > 0
 
     with_fleet(fleet_of(2, listener.port, faults=[fault]), body)
+
+
+def test_a_fleet_with_a_key_signs_and_obeys_only_what_is_signed_with_it(listener: Listener) -> None:
+    name, key, wall = "MPC_XY_CRUISE", bytes(range(32)), SigningClock(time.time)
+
+    def speed(value: float, sign: Callable[[bytes], bytes] | None) -> bytes:
+        order = ParamSet(target_system=1, target_component=1, param_id=name, param_value=value, param_type=9)
+        return Encoder(system=255, component=190, sign=sign).encode(order)
+
+    async def body(fleet: SimulatedFleet) -> None:
+        (vehicle,) = fleet.vehicles
+        frame = await listener.hear(lambda frame: isinstance(frame.message, Heartbeat))
+        assert Signing(key, clock=wall).judge(frame.raw).accepted
+        before = vehicle.parameters[name]
+        genuine = speed(4.0, Signing(key, clock=wall).sign)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as caller:
+            for raw in (speed(2.0, None), speed(3.0, Signing(bytes(32), clock=wall).sign)):
+                caller.sendto(raw, fleet.local_addresses[0])
+            async with asyncio.timeout(PATIENCE_S):
+                while fleet.refused.total() < 2:
+                    await asyncio.sleep(0.01)
+            assert vehicle.parameters[name] == before
+            for raw in (genuine, genuine):
+                caller.sendto(raw, fleet.local_addresses[0])
+            async with asyncio.timeout(PATIENCE_S):
+                while fleet.refused.total() < 3:
+                    await asyncio.sleep(0.01)
+        assert vehicle.parameters[name] == 4.0
+        assert fleet.refused == {"unsigned": 1, "forged": 1, "replayed": 1}
+
+    with_fleet(fleet_of(1, listener.port, signing_key=key), body)

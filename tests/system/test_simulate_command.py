@@ -1,11 +1,20 @@
 """The command as a shell sees it."""
 
+import math
 import signal
 import subprocess
 import sys
 
 import pytest
+from typer import Typer
+from typer.testing import CliRunner
 
+from hsop_gcs.cli import simulate as command
+from hsop_gcs.errors import Unavailable
+from hsop_gcs.simulator.channel import Impairment
+from hsop_gcs.simulator.disturbances import GpsError, Wind
+from hsop_gcs.simulator.faults import Fault, FaultKind
+from hsop_gcs.simulator.fleet import FleetConfig
 from tests.system.simulator_process import START_TIMEOUT_S, simulator
 
 COMMAND = [sys.executable, "-m", "hsop_gcs", "simulate"]
@@ -69,3 +78,29 @@ def test_true_threats_may_come_on_standard_input_and_nonsense_there_is_named() -
         _, complaint = process.communicate('{"threats": []}\n', timeout=START_TIMEOUT_S)
         assert (process.returncode, complaint.count("\n")) == (2, 1)
         assert complaint.startswith("hsop-gcs: threats: ")
+
+
+def test_every_option_of_the_air_and_the_line_reaches_the_fleet(monkeypatch: pytest.MonkeyPatch) -> None:
+    built: list[FleetConfig] = []
+
+    def no_fleet(config: FleetConfig, **_: object) -> None:
+        built.append(config)
+        raise Unavailable("built")
+
+    monkeypatch.setattr("hsop_gcs.simulator.fleet.SimulatedFleet", no_fleet)
+    app = Typer()
+    command.register(app)
+    options = (
+        "--wind 6,270,2 --gps-offset 3,-4,1 --gps-noise-m 0.7 --battery 55 --endurance-min 12 --gimbal-rate-dps 30"
+        " --loss 0.3 --duplication 0.05 --reordering 0.1 --delay-ms 300 --jitter-ms 200 --seed 9 --speed-mps 7"
+        " --fault h1:gps-lost@60"
+    )
+    assert isinstance(CliRunner().invoke(app, options.split()).exception, Unavailable)
+    (config,) = built
+    assert config.wind == Wind(speed_mps=6.0, from_deg=270.0, gust_mps=2.0)
+    assert config.gps == GpsError(offset_m=(3.0, -4.0, 1.0), noise_m=0.7)
+    assert (config.battery.percent, config.battery.endurance_s) == (55.0, 720.0)
+    assert config.gimbal.slew_rad_s == pytest.approx(math.radians(30.0))
+    assert config.impairment == Impairment(loss=0.3, duplication=0.05, reordering=0.1, delay_s=0.3, jitter_s=0.2)
+    assert (config.seed, config.flight.cruise_mps) == (9, 7.0)
+    assert config.faults == [Fault(kind=FaultKind.GPS_LOST, vehicle=1, start_s=60.0)]
