@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, AwareDatetime, BaseModel, BeforeValidator, ConfigDict, Field
 
+from hsop_gcs.mission.core import Wish
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.reports import AltitudeDatum
 from hsop_gcs.tracks import TrackStatus
@@ -183,6 +184,15 @@ class HostLinkOut(BaseModel):
     """What other programs wanted to send to it over our link (``mavsdk_port``) and may not."""
 
 
+class PendingOut(BaseModel):
+    command: Wish
+    since: datetime
+    by_operator: bool
+    """Else by the mission, which stops a flight when a gate closes or something is in its way."""
+    why: str
+    """Why it is not confirmed."""
+
+
 class HostOut(BaseModel):
     id: str
     system_id: int
@@ -203,6 +213,8 @@ class HostOut(BaseModel):
     battery_percent: float | None
     last_text: str | None
     order: OrderOut | None
+    pending: PendingOut | None
+    """A hold or recall that the host has not confirmed; it is ordered again whenever the host is heard."""
 
 
 class HoverOut(BaseModel):

@@ -16,6 +16,7 @@ from hsop_gcs.api.schemas import (
     HoverOut,
     LinkHealth,
     OrderOut,
+    PendingOut,
     PlanningHealth,
     PlanOut,
     PlansOut,
@@ -34,8 +35,9 @@ from hsop_gcs.link.protocol.gimbal import separation_deg
 from hsop_gcs.link.pump import Link
 from hsop_gcs.link.vehicle import Progress
 from hsop_gcs.mission.controller import LoggedEvent, Mission
+from hsop_gcs.mission.core import Pending
 from hsop_gcs.mission.dispatch import OrderProgress
-from hsop_gcs.mission.gates import Closed
+from hsop_gcs.mission.gates import Aircraft, Closed
 from hsop_gcs.mission.state import Plan
 from hsop_gcs.placement.scenario import plan_to_json
 from hsop_gcs.tracks import Track
@@ -65,11 +67,11 @@ def threat_out(track: Track, mission: Mission) -> ThreatOut:
 
 
 def hosts_out(mission: Mission) -> list[HostOut]:
-    unavailable = mission.unavailable()
-    return [_host(host, mission, unavailable.get(host.id)) for host in mission.fleet.hosts]
+    unavailable, aircraft = mission.unavailable(), mission.sky.aircraft()
+    return [_host(host, mission, aircraft[host.id], unavailable.get(host.id)) for host in mission.fleet.hosts]
 
 
-def _host(host: Host, mission: Mission, closed: Closed | None) -> HostOut:
+def _host(host: Host, mission: Mission, aircraft: Aircraft, closed: Closed | None) -> HostOut:
     state = mission.vehicle(host).state
     local = None if state.position is None else mission.site.frame.to_enu(state.position).tolist()
     progress = mission.state.progress.get(host.id)
@@ -93,6 +95,18 @@ def _host(host: Host, mission: Mission, closed: Closed | None) -> HostOut:
         battery_percent=state.battery_percent,
         last_text=state.texts[-1].text if state.texts else None,
         order=None if progress is None else _order(host, progress, mission),
+        pending=_pending(mission.state.pending.get(host.id), aircraft, closed),
+    )
+
+
+def _pending(pending: Pending | None, aircraft: Aircraft, closed: Closed | None) -> PendingOut | None:
+    if pending is None:
+        return None
+    return PendingOut(
+        command=pending.wish,
+        since=utc(pending.since_s),
+        by_operator=pending.by_operator,
+        why="ordered, not confirmed yet" if closed is None or aircraft.flies_for_us else closed.reason,
     )
 
 

@@ -1,6 +1,7 @@
 """Assignment: which host flies to which hover point, by which route, when, and the order each one gets. Pure."""
 
 from hsop_gcs.assignment.arrangement import Departure, NoSafeFlight, arrange, flight_s
+from hsop_gcs.assignment.corridor import why_outside
 from hsop_gcs.assignment.matching import assign
 from hsop_gcs.assignment.orders import HostOrder, order_for, orders_for
 from hsop_gcs.assignment.routes import (
@@ -31,5 +32,6 @@ __all__ = [
     "orders_for",
     "safe_route",
     "straight",
+    "why_outside",
     "why_unsafe",
 ]

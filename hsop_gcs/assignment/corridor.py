@@ -4,6 +4,7 @@ import math
 from functools import lru_cache
 from itertools import pairwise
 
+import numpy as np
 import shapely
 
 from hsop_gcs.placement.airspace import Airspace, KeepOut, PlanePoint, Polygon
@@ -11,12 +12,38 @@ from hsop_gcs.placement.problem import Point
 
 _TOLERANCE_M = 0.1
 """A hover point on the very edge may be flown to."""
+_STEP_M = 1.0
 _BESIDE_M = 4.0
 """How far from an edge the corners are that flights go around by."""
 
 
 def why_outside(airspace: Airspace, way_m: tuple[Point, ...]) -> str | None:
-    """Return where a way through these points, straight from each to the next, leaves the airspace; None: nowhere."""
+    """Return where a way through these points, straight from each to the next, leaves the airspace; None: nowhere.
+
+    A way that begins outside may lead straight back in, and must then stay inside.
+    """
+    problem = _why_outside(airspace, way_m)
+    entry_m = None if problem is None else _entry_m(airspace, *way_m[:2])
+    return problem if entry_m is None else _why_outside(airspace, (entry_m, *way_m[1:]))
+
+
+def _entry_m(airspace: Airspace, start_m: Point, end_m: Point) -> Point | None:
+    """Return where a line that begins outside is inside for the first time; None if it does not lead straight there."""
+    before_m, way = airspace.room_m(start_m), np.array(end_m) - start_m
+    if before_m >= 0:
+        return None
+    for share in np.linspace(0.0, 1.0, 2 + math.ceil(float(np.linalg.norm(way)) / _STEP_M))[1:]:
+        east, north, up = (start_m + share * way).tolist()
+        room_m = airspace.room_m((east, north, up))
+        if room_m >= 0:
+            return east, north, up
+        if room_m <= before_m:
+            return None
+        before_m = room_m
+    return None
+
+
+def _why_outside(airspace: Airspace, way_m: tuple[Point, ...]) -> str | None:
     for a, b in pairwise(way_m):
         line = shapely.LineString([a[:2], b[:2]]) if a[:2] != b[:2] else shapely.Point(a[:2])
         if airspace.inside and not shapely.covers(_fence(airspace.inside), line):

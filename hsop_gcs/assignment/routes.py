@@ -126,7 +126,21 @@ def why_unsafe(
         if near.any():
             worst = int(np.argmin(np.where(near, distances.min(axis=1), np.inf)))
             return f"comes to {distances[worst].min():.0f} m from threat {threats[worst].id}"
-    return why_outside(rules.airspace, (mover.position_m, *route_m))
+    outside = why_outside(rules.airspace, (mover.position_m, *route_m))
+    if outside is None or math.isinf(within_s):
+        return outside
+    return why_outside(rules.airspace, _stretch_m(mover, route_m, within_s))
+
+
+def _stretch_m(mover: Mover, route_m: tuple[Point, ...], within_s: float) -> tuple[Point, ...]:
+    """Return the points of the way that is flown within a time from now on, from where the host is."""
+    way = np.array([mover.position_m, *route_m])
+    reached_s = np.concatenate([[0.0], np.cumsum(leg_times_s(way, mover))])
+    if within_s >= reached_s[-1]:
+        return (mover.position_m, *route_m)
+    east, north, up = (float(np.interp(within_s, reached_s, way[:, axis])) for axis in range(3))
+    passed = int(np.searchsorted(reached_s, within_s, side="right"))
+    return (*(mover.position_m, *route_m)[:passed], (east, north, up))
 
 
 def _may_be_safe(

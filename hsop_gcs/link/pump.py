@@ -233,6 +233,10 @@ class Link:
         self._vehicle(system).return_to_launch(self.now())
         self._stir.set()
 
+    def leave_alone(self, system: int) -> None:
+        """See ``Vehicle.leave_alone``."""
+        self._vehicle(system).leave_alone(self.now())
+
     def _vehicle(self, system: int) -> Vehicle:
         if system not in self._router.vehicles:
             raise BadInput("system", f"{system} is not in the fleet {sorted(self._router.vehicles)}")

@@ -164,6 +164,10 @@ class Vehicle:
         )
         self._operate("return to launch", message, now)
 
+    def leave_alone(self, now: float) -> None:
+        """Send nothing again of what it was ordered: somebody else flies it."""
+        self._set_aside(now)
+
     @property
     def wake_at(self) -> float | None:
         """When ``advance`` has something to do; None while only a message can change anything."""

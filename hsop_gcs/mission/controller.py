@@ -8,32 +8,32 @@ applied, and an order after that.
 import asyncio
 import contextlib
 import logging
-import math
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from hsop_gcs.assignment import Departure, Flight, NoSafeFlight, arrange, safe_route, straight
 from hsop_gcs.cameras.rig import CameraKind
-from hsop_gcs.detections import Detection, PoseHistory, let_go, rays_of
+from hsop_gcs.detections import Detection, let_go, rays_of
 from hsop_gcs.detections import Verdict as RayVerdict
 from hsop_gcs.errors import NotKnown, Refused, Unavailable
 from hsop_gcs.fleet import Fleet, Host
 from hsop_gcs.geometry.frames import Aim, aim_between
 from hsop_gcs.journal import Journal
 from hsop_gcs.link.events import Event, OrderFailed
-from hsop_gcs.link.protocol.telemetry import VehicleState
 from hsop_gcs.link.pump import Link
 from hsop_gcs.link.tlog import TlogWriter
 from hsop_gcs.link.vehicle import Vehicle
-from hsop_gcs.mission.core import MissionState, apply, situation, take_rays, take_reports
-from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus, hover_order, with_telemetry
+from hsop_gcs.mission.commander import Commander
+from hsop_gcs.mission.core import MissionState, Wish, apply, situation, take_rays, take_reports
+from hsop_gcs.mission.departures import departures
+from hsop_gcs.mission.dispatch import OrderStatus
 from hsop_gcs.mission.gates import Closed
 from hsop_gcs.mission.inputs import (
     DecisionMade,
     HostDeparted,
+    HostSetAside,
     HostsHeld,
     HostSpoke,
     HostsRecalled,
@@ -50,8 +50,10 @@ from hsop_gcs.mission.inputs import (
     SolverAsked,
     ThreatDismissed,
     TimePassed,
+    WishLapsed,
 )
-from hsop_gcs.mission.pipeline import Situation, flight_rules
+from hsop_gcs.mission.pipeline import Situation
+from hsop_gcs.mission.poses import Poses
 from hsop_gcs.mission.records import to_record
 from hsop_gcs.mission.sky import Sky
 from hsop_gcs.mission.solver import Solver
@@ -66,11 +68,6 @@ _REST_S = 0.02
 _GIMBAL_LAG_S = 0.2
 """From working out an aim to a gimbal that looks there: half a tick, the link and the gimbal's own response."""
 _EVENTS_KEPT = 500
-
-_LEG_REACHED_M = 3.0
-"""So near to a point of its route a host is sent on; routes keep more than this in hand."""
-_LEG_DEADLINE_S = 10.0
-_POSE_STEP_S = 0.025
 
 log = logging.getLogger(__name__)
 
@@ -122,7 +119,8 @@ class Mission:
         self._changed = asyncio.Event()
         self._blocked: dict[str, Blocked] = {}
         """Why hosts that wait did not depart when that was last looked at."""
-        self._poses = {host.id: PoseHistory() for host in fleet.hosts}
+        self._poses = Poses(fleet, site.frame, link, clock)
+        self._commander = Commander(fleet, site.frame, link)
         self._take(MissionStarted(time_s=clock(), rules=rules or Rules()))
 
     # What consoles ask for
@@ -143,7 +141,7 @@ class Mission:
     def detect(self, detections: Sequence[Detection]) -> tuple[RayVerdict, ...]:
         """Take what hosts' cameras saw into the picture; return what became of each detection, in their order."""
         rules = self.state.rules
-        rays = rays_of(detections, self._poses, self.fleet.rigs(), rules.detections)
+        rays = rays_of(detections, self._poses.histories, self.fleet.rigs(), rules.detections)
         given = RaysArrived(time_s=self.clock(), rays=rays, hosts_m=self.sky.hosts_m())
         self._record(given)
         self.state, verdicts = take_rays(self.state, given)
@@ -183,23 +181,21 @@ class Mission:
         names = tuple(host.id for host in hosts)
         for host in hosts:
             self.link.take_off(host.system_id, altitude_m)
-        if any(name in self.state.aside for name in names):
+        if any(name in self.state.aside or name in self.state.pending for name in names):
             self._take(HostsReleased(time_s=self.clock(), hosts=names, everyone=False))
         return list(names)
 
     def hold(self, host_ids: Iterable[str] | None = None) -> list[str]:
         """Stop hosts where they are; return their ids. From then on no plan flies without a person's approval."""
         hosts = self._hosts(host_ids)
-        for host in hosts:
-            self.link.hold(host.system_id)
+        self._commander.tell(hosts, Wish.HOLD)
         self._take(HostsHeld(time_s=self.clock(), hosts=tuple(host.id for host in hosts)))
         return [host.id for host in hosts]
 
     def recall(self, host_ids: Iterable[str] | None = None) -> list[str]:
         """Send hosts home; return their ids. They are planned without until released; nothing flies unapproved."""
         hosts = self._hosts(host_ids)
-        for host in hosts:
-            self.link.return_to_launch(host.system_id)
+        self._commander.tell(hosts, Wish.RECALL)
         self._take(HostsRecalled(time_s=self.clock(), hosts=tuple(host.id for host in hosts)))
         return [host.id for host in hosts]
 
@@ -255,7 +251,7 @@ class Mission:
         """Move the mission on until cancelled."""
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(self._watch_link())
-            tasks.create_task(self._watch_poses())
+            tasks.create_task(self._poses.watch())
             while True:
                 try:
                     self._advance(tasks)
@@ -274,7 +270,6 @@ class Mission:
         self._age(now_s)
         self._fly_unasked()
         self._direct_traffic(now_s)
-        self._fly_on(now_s)
         self._follow_threats(now_s)
         if self._solving is None:
             tracks = ready(self.state.picture.tracks.values(), now_s, self.state.rules.replanning)
@@ -284,7 +279,7 @@ class Mission:
             available = frozenset(mover.id for mover in movers)
             reason = replan_reason(self.state.plans, tracks, available, now_s, self.state.rules.replanning)
             if reason is not None:
-                standing = self.sky.standing(unavailable)
+                standing = self.sky.standing(self.state, unavailable)
                 given = situation(self.state, movers, now_s, standing=standing)
                 asked = SolverAsked(time_s=now_s, trigger=reason, situation=given)
                 self._take(asked)
@@ -322,68 +317,34 @@ class Mission:
         """Let the proposed plan's hosts depart. If none can, the proposal is over: raises Refused."""
         now_s = self.clock()
         try:
-            departures = self._departures(plan, now_s)
+            departing = departures(plan, self.state, self.sky, now_s)
         except Refused as error:
             self._take(ProposalRefused(time_s=now_s, reason=str(error)))
             self._changed.set()
             raise
-        flying = [host for host, each in self.state.progress.items() if each.flying]
-        self._take(PlanFlew(time_s=now_s, plan_id=plan.id, departures=departures))
+        self._take(PlanFlew(time_s=now_s, plan_id=plan.id, departures=departing))
         self._direct_traffic(now_s)
-        for host in flying:
-            progress = self.state.progress.get(host)
-            if progress is None or not progress.flying:
-                self._stop(self._hosts([host])[0])
-
-    def _departures(self, plan: Plan, now_s: float) -> tuple[Departure, ...]:
-        """Return the order in which a plan's hosts depart, and their routes.
-
-        A host whose way is not safe now waits until it is. Raises Refused if a host cannot be sent, or all would wait.
-        """
-        if now_s > plan.expires_at_s:
-            raise Refused(f"plan {plan.id} ran out {now_s - plan.expires_at_s:.1f} s ago")
-        unavailable = self.unavailable()
-        goals_m = {order.host: order.position_m for order in plan.decision.orders}
-        for host in goals_m:
-            if host in unavailable:
-                raise Refused(f"host {host}: {unavailable[host].reason}")
-        movers, known = self.sky.movers(unavailable), situation(self.state, (), now_s)
-        rules = flight_rules(self.state.rules.planning, known.sigmas)
-        sent = {mover.id: mover for mover in movers if mover.id in goals_m}
-        safe = {host: safe_route(sent[host], goal_m, known.threats, rules) for host, goal_m in goals_m.items()}
-        if not any(safe.values()):
-            raise Refused(
-                f"no host has a way to its hover point that keeps {rules.safety_distance_m:.0f} m from all threats and"
-                " stays in the airspace"
-            )
-        idle = tuple(Flight(host=mover.id, points_m=(mover.position_m,)) for mover in movers if mover.id not in sent)
-        arranged = arrange(
-            {host: route or straight(sent[host], goals_m[host]) for host, route in safe.items()},
-            tuple(sent.values()),
-            known.threats,
-            rules,
-            standing=idle + self.sky.standing(unavailable),
-        )
-        if isinstance(arranged, NoSafeFlight):
-            raise Refused(arranged.reason)
-        return arranged
 
     def _direct_traffic(self, now_s: float) -> None:
-        """Let hosts depart, turn aside, stop and try again."""
-        for given in list(self.sky.traffic(self.state, now_s, self._blocked).moves()):
+        """Let hosts depart, fly on, turn aside, stop and try again."""
+        traffic = self.sky.traffic(self.state, now_s, self._blocked)
+        for given in list(traffic.moves()):
             if isinstance(given, Blocked):
                 self._blocked[given.host] = given
                 continue
             host = self._hosts([given.host])[0]
             if isinstance(given, HostStopped):
                 self._stop(host)
-                self.sky.closings[given.gate] += 1
+                self.sky.closings[given.gate] += given.host not in traffic.closed
+            elif isinstance(given, WishLapsed) or (isinstance(given, HostSetAside) and given.until_s is None):
+                self.link.leave_alone(host.system_id)
             self._take(given)
             self._log(host, given)
-            if isinstance(given, HostDeparted):
+            if isinstance(given, HostDeparted | LegFlown):
                 plan = self.state.plans.flying
-                assert plan is not None, "only hosts of the flying plan depart"
-                self._send(self.state.progress[host.id], for_s=plan.expires_at_s - now_s)
+                assert plan is not None, "only hosts of the flying plan are sent"
+                self._commander.send(self.state.progress[host.id], for_s=plan.expires_at_s - now_s)
+        self._commander.insist(self.state.pending, self.sky.aircraft())
 
     def _fly_unasked(self) -> None:
         """In auto, let a proposal fly."""
@@ -394,25 +355,6 @@ class Mission:
             self._fly(proposed)
         except Refused as error:
             log.warning("plan %s does not fly: %s", proposed.id, error)
-
-    def _fly_on(self, now_s: float) -> None:
-        """Send hosts that have come near a point of their route to the next one."""
-        for host in self.fleet.hosts:
-            progress, flown = self.state.progress.get(host.id), self.vehicle(host).progress
-            if progress is None or progress.on_last_leg or progress.status is not OrderStatus.ACCEPTED:
-                continue
-            if flown is None or flown.order.order_id != progress.leg_id:
-                continue
-            aside_m, above_m = flown.horizontal_error_m, flown.vertical_error_m
-            if aside_m is not None and above_m is not None and math.hypot(aside_m, above_m) <= _LEG_REACHED_M:
-                self._take(LegFlown(time_s=now_s, host=host.id))
-                self._send(self.state.progress[host.id], for_s=_LEG_DEADLINE_S)
-
-    def _send(self, progress: OrderProgress, *, for_s: float) -> None:
-        host = next(host for host in self.fleet.hosts if host.id == progress.order.host)
-        deadline_s, speed_mps = self.link.now() + for_s, self.fleet.limits.speed_mps
-        order = hover_order(progress, self.site.frame, deadline_s=deadline_s, speed_mps=speed_mps)
-        self.link.hover(host.system_id, order)
 
     async def _watch_link(self) -> None:
         while True:
@@ -430,26 +372,12 @@ class Mission:
 
     def _stop(self, host: Host) -> None:
         """Hold a host that may still fly to its point; one that somebody else flies is left to him."""
-        aircraft = self.sky.aircraft()[host.id]
-        if aircraft.obeys and aircraft.state.link_up and aircraft.state.in_air:
-            self.link.hold(host.system_id)
+        if self.sky.aircraft()[host.id].flies_for_us:
+            self._commander.tell([host], Wish.HOLD)
 
     def _log(self, host: Host, event: Event | Input) -> None:
         number = self.events[-1].number + 1 if self.events else 1
         self.events.append(LoggedEvent(number=number, time_s=self.clock(), host=host.id, event=event))
-
-    async def _watch_poses(self) -> None:
-        """Remember where hosts were and how they were turned, for what their cameras will say they saw then."""
-        seen: dict[str, VehicleState] = {}
-        while True:
-            ahead_s = self.clock() - self.link.now()
-            for host in self.fleet.hosts:
-                state, before = self.vehicle(host).state, seen.get(host.id)
-                self._poses[host.id] = with_telemetry(
-                    self._poses[host.id], state, self.site.frame, ahead_s=ahead_s, before=before
-                )
-                seen[host.id] = state
-            await asyncio.sleep(_POSE_STEP_S)
 
     # How the state moves on
 

@@ -9,14 +9,15 @@ Pure. The shell (``controller``) writes an input into the journal, applies it an
 the same inputs again and come to the same mission, to the bit.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from types import MappingProxyType
 
 from hsop_gcs.assignment import Departure, Flight, Mover
 from hsop_gcs.detections import Verdict as RayVerdict
 from hsop_gcs.detections import Watch, assimilate, let_go
-from hsop_gcs.link.events import Event, OrderEvent
+from hsop_gcs.link.events import CommandFinished, Event, OrderEvent, OrderFailed
 from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus, progressed
 from hsop_gcs.mission.inputs import (
     DecisionMade,
@@ -39,6 +40,7 @@ from hsop_gcs.mission.inputs import (
     SolverAsked,
     ThreatDismissed,
     TimePassed,
+    WishLapsed,
 )
 from hsop_gcs.mission.pipeline import Sigma, Situation
 from hsop_gcs.mission.state import (
@@ -50,7 +52,7 @@ from hsop_gcs.mission.state import (
     with_proposal_refused,
     without_threats,
 )
-from hsop_gcs.placement.problem import Threat
+from hsop_gcs.placement.problem import Point, Threat
 from hsop_gcs.tracks import Picture, Refusal, RefusalKind, Verdict, dismiss, prune, update
 
 
@@ -62,6 +64,25 @@ class Aside:
     until_s: float | None
 
 
+class Wish(StrEnum):
+    """What stops a flight; the values are the link's names of the commands."""
+
+    HOLD = "hold"
+    RECALL = "return to launch"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pending:
+    """A hold or recall that its host has not confirmed: it is ordered whenever the host is heard and flies for us."""
+
+    wish: Wish
+    since_s: float
+    by_operator: bool
+    """Else by the mission, which gives it up when somebody else flies the host."""
+    ahead_m: tuple[Point, ...]
+    """The points the host may still fly to while it is not heard, ENU metres."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionState:
     """All that is known and decided at one moment."""
@@ -71,6 +92,8 @@ class MissionState:
     """An operator's hold or recall took automation away, until hosts are released."""
     aside: Mapping[str, Aside] = field(default_factory=lambda: MappingProxyType({}))
     """Hosts that are planned without."""
+    pending: Mapping[str, Pending] = field(default_factory=lambda: MappingProxyType({}))
+    """Holds and recalls that hosts have not confirmed; until they do, are sent out again, or are released."""
     picture: Picture = field(default_factory=Picture)
     watch: Watch = field(default_factory=Watch)
     """Of detections: those that wait for an explanation, and what became of all."""
@@ -114,22 +137,28 @@ def apply(mission: MissionState, given: Input) -> MissionState:
         case DecisionMade():
             return _with_decision(mission, given)
         case PlanFlew(departures=departures):
-            return _with_plan_flying(mission, departures)
+            under_way = [host for host, progress in mission.progress.items() if progress.flying]
+            return _with_plan_flying(_wished(mission, under_way, Wish.HOLD, given.time_s), departures)
         case ProposalRefused(reason=reason):
             return replace(mission, plans=with_proposal_refused(mission.plans, reason))
         case LegFlown() | HostDeparted() | HostStopped() | HostRetried() | HostSetAside():
             return _with_move(mission, given)
         case HostsHeld(hosts=hosts):
+            mission = _wished(mission, hosts, Wish.HOLD, given.time_s, by_operator=True)
             return replace(_without_orders(mission, hosts), held=True)
         case HostsRecalled(hosts=hosts):
             recalled = dict.fromkeys(hosts, Aside(reason="recalled by the operator", until_s=None))
             aside = MappingProxyType({**mission.aside, **recalled})
+            mission = _wished(mission, hosts, Wish.RECALL, given.time_s, by_operator=True)
             return replace(_without_orders(mission, hosts), held=True, aside=aside)
         case HostsReleased(hosts=hosts, everyone=everyone):
             left = {host: aside for host, aside in mission.aside.items() if host not in hosts}
-            return replace(mission, aside=MappingProxyType(left), held=mission.held and not everyone)
+            mission = replace(mission, aside=MappingProxyType(left), held=mission.held and not everyone)
+            return _not_pending(mission, hosts)
+        case WishLapsed(host=host):
+            return _not_pending(mission, (host,))
         case HostSpoke(host=host, event=event):
-            return _with_event(mission, host, event)
+            return _with_event(mission, host, event, given.time_s)
     raise ValueError(f"no mission takes {type(given).__name__}")
 
 
@@ -263,6 +292,7 @@ def _with_move(
         case LegFlown():
             progress = replace(progress, leg=progress.leg + 1)
         case HostDeparted(route_m=route_m):
+            mission = _not_pending(mission, (given.host,))
             progress = replace(
                 progress,
                 order=replace(progress.order, via_m=route_m[:-1]),
@@ -273,9 +303,12 @@ def _with_move(
                 note="",
             )
         case HostStopped(reason=reason):
+            mission = _wished(mission, (given.host,), Wish.HOLD, given.time_s)
             progress = replace(progress, status=OrderStatus.WAITING, since_s=given.time_s, note=reason)
         case HostRetried():
-            progress = replace(progress, status=OrderStatus.WAITING, attempts=progress.attempts + 1)
+            progress = replace(
+                progress, status=OrderStatus.WAITING, since_s=given.time_s, attempts=progress.attempts + 1
+            )
         case HostSetAside(host=host, reason=reason, until_s=until_s):
             progress = replace(progress, status=OrderStatus.GIVEN_UP, note=reason)
             aside = {**mission.aside, host: Aside(reason=reason, until_s=until_s)}
@@ -292,11 +325,34 @@ def _without_orders(mission: MissionState, hosts: tuple[str, ...]) -> MissionSta
     return replace(mission, plans=plans, progress=MappingProxyType(left))
 
 
-def _with_event(mission: MissionState, host: str, event: Event) -> MissionState:
+def _with_event(mission: MissionState, host: str, event: Event, time_s: float) -> MissionState:
+    if isinstance(event, CommandFinished):
+        pending = mission.pending.get(host)
+        obeyed = pending is not None and event.problem is None and event.command == pending.wish
+        return _not_pending(mission, (host,)) if obeyed else mission
     progress = mission.progress.get(host)
     if progress is None or not isinstance(event, OrderEvent) or event.order_id != progress.leg_id:
         return mission
+    if isinstance(event, OrderFailed):
+        mission = _wished(mission, (host,), Wish.HOLD, time_s)
     return _with_progress(mission, host, progressed(progress, event))
+
+
+def _wished(
+    mission: MissionState, hosts: Iterable[str], wish: Wish, time_s: float, *, by_operator: bool = False
+) -> MissionState:
+    """A host that has not heard the wish before this one may still fly what it flew then."""
+    pending = dict(mission.pending)
+    for host in hosts:
+        progress, before = mission.progress.get(host), pending.get(host)
+        ahead_m = progress.ahead_m if progress is not None and progress.flying else before.ahead_m if before else ()
+        pending[host] = Pending(wish=wish, since_s=time_s, by_operator=by_operator, ahead_m=ahead_m)
+    return replace(mission, pending=MappingProxyType(pending))
+
+
+def _not_pending(mission: MissionState, hosts: Iterable[str]) -> MissionState:
+    left = {host: pending for host, pending in mission.pending.items() if host not in hosts}
+    return replace(mission, pending=MappingProxyType(left))
 
 
 def _with_progress(mission: MissionState, host: str, progress: OrderProgress) -> MissionState:

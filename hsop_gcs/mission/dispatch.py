@@ -6,7 +6,6 @@ from enum import StrEnum
 import numpy as np
 
 from hsop_gcs.assignment import HostOrder, Mover
-from hsop_gcs.detections import PoseHistory
 from hsop_gcs.fleet import FlightLimits, Host
 from hsop_gcs.geometry.frames import LocalFrame
 from hsop_gcs.link.events import (
@@ -57,7 +56,7 @@ class OrderProgress:
     attempts: int = 1
     """How often it may have failed, and one."""
     since_s: float = 0.0
-    """When it departed or was stopped last, seconds since the Unix epoch."""
+    """When it departed, was stopped or failed last, seconds since the Unix epoch."""
     status: OrderStatus = OrderStatus.WAITING
     note: str = ""
 
@@ -98,29 +97,6 @@ def mover_of(host: Host, state: VehicleState, frame: LocalFrame, limits: FlightL
         climb_mps=limits.climb_mps,
         rig=host.rig,
     )
-
-
-def with_telemetry(
-    history: PoseHistory, state: VehicleState, frame: LocalFrame, *, ahead_s: float, before: VehicleState | None
-) -> PoseHistory:
-    """Return a host's pose history with what its telemetry says now.
-
-    ahead_s: our clock minus the link's. before: the state that the history already holds, None for a new history.
-    """
-    known = before or VehicleState(system=state.system)
-    if state.position is not None and state.position_heard_s not in (None, known.position_heard_s):
-        east, north, up = frame.to_enu(state.position).tolist()
-        history = history.with_position(state.position_heard_s + ahead_s, (east, north, up))
-    if state.heading_deg is not None and state.attitude_heard_s not in (None, known.attitude_heard_s):
-        history = history.with_attitude(
-            state.attitude_heard_s + ahead_s,
-            heading_deg=state.heading_deg,
-            roll_deg=state.roll_deg or 0.0,
-            pitch_deg=state.pitch_deg or 0.0,
-        )
-    if state.gimbal is not None and state.gimbal_heard_s not in (None, known.gimbal_heard_s):
-        history = history.with_aim(state.gimbal_heard_s + ahead_s, state.gimbal)
-    return history
 
 
 def hover_order(progress: OrderProgress, frame: LocalFrame, *, deadline_s: float, speed_mps: float) -> HoverOrder:

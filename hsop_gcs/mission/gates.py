@@ -7,6 +7,7 @@ mission plans without it.
 
 from dataclasses import dataclass
 
+from hsop_gcs.assignment import why_outside
 from hsop_gcs.fleet import FlightLimits
 from hsop_gcs.link.protocol import ready
 from hsop_gcs.link.protocol.telemetry import VehicleState
@@ -27,6 +28,18 @@ class Aircraft:
     """Share of its frames lost of late."""
     obeys: bool = True
     """Whether it is in one of the modes in which we fly it or hold it."""
+    reached: str | None = None
+    """The leg of its route whose end it has come near."""
+
+    @property
+    def flies_for_us(self) -> bool:
+        """Whether it hears us, is in the air, and nobody else flies it."""
+        return self.state.link_up and self.state.in_air is True and self.obeys
+
+    @property
+    def taken_over(self) -> bool:
+        """Whether somebody else flies it now: a pilot, another ground station, the autopilot's own failsafe."""
+        return self.state.link_up and not self.obeys
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,20 +70,31 @@ def link_reserve(aircraft: Aircraft, limits: FlightLimits) -> str | None:
     return f"the link loses {loss:.0%} of the vehicle's messages, more than {most:.0%}"
 
 
-def fence(aircraft: Aircraft, airspace: Airspace) -> str | None:
+def fence(aircraft: Aircraft, airspace: Airspace, ahead_m: tuple[Point, ...]) -> str | None:
     if aircraft.position_m is None or (room_m := airspace.fence_room_m(aircraft.position_m)) >= 0:
         return None
-    return f"the vehicle is {-room_m:.0f} m outside the fence"
+    return (
+        None
+        if _leads_in(aircraft.position_m, airspace, ahead_m)
+        else f"the vehicle is {-room_m:.0f} m outside the fence"
+    )
 
 
-def keep_out(aircraft: Aircraft, airspace: Airspace) -> str | None:
+def keep_out(aircraft: Aircraft, airspace: Airspace, ahead_m: tuple[Point, ...]) -> str | None:
     if aircraft.position_m is None or airspace.keep_out_room_m(aircraft.position_m) >= 0:
         return None
-    return "the vehicle is inside a keep-out area"
+    return None if _leads_in(aircraft.position_m, airspace, ahead_m) else "the vehicle is inside a keep-out area"
 
 
-def closed(aircraft: Aircraft, limits: FlightLimits, airspace: Airspace) -> Closed | None:
-    """Return the first gate that the host does not pass; None: it can be sent."""
+def _leads_in(position_m: Point, airspace: Airspace, ahead_m: tuple[Point, ...]) -> bool:
+    """Whether a host outside the airspace is on its way straight back in: to stop it would keep it outside."""
+    return bool(ahead_m) and why_outside(airspace, (position_m, *ahead_m)) is None
+
+
+def closed(
+    aircraft: Aircraft, limits: FlightLimits, airspace: Airspace, ahead_m: tuple[Point, ...] = ()
+) -> Closed | None:
+    """Return the first gate that the host does not pass; None: it can be sent. ahead_m: what it has still to fly."""
     for name, gate in ready.GATES.items():
         reason = gate(aircraft.state, aircraft.now_s)
         if reason is not None:
@@ -79,7 +103,7 @@ def closed(aircraft: Aircraft, limits: FlightLimits, airspace: Airspace) -> Clos
         "mode": mode(aircraft, limits),
         "battery": battery(aircraft, limits),
         "link reserve": link_reserve(aircraft, limits),
-        "fence": fence(aircraft, airspace),
-        "keep-out": keep_out(aircraft, airspace),
+        "fence": fence(aircraft, airspace, ahead_m),
+        "keep-out": keep_out(aircraft, airspace, ahead_m),
     }
     return next((Closed(gate=name, reason=reason) for name, reason in own.items() if reason is not None), None)

@@ -100,10 +100,18 @@ class HostDeparted(Input):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostStopped(Input):
-    """A flying host is stopped where it is, for it comes too near to something; it waits for another way."""
+    """A flying host is stopped where it is, for a gate has closed or something is in its way; its order waits."""
 
     host: str
     gate: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WishLapsed(Input):
+    """A hold or recall that its host has not confirmed has no object any more, and is not ordered again."""
+
+    host: str
     reason: str
 
 

@@ -31,6 +31,7 @@ from hsop_gcs.mission.inputs import (
     SolverAsked,
     ThreatDismissed,
     TimePassed,
+    WishLapsed,
 )
 
 _PLAIN = (
@@ -51,6 +52,7 @@ _PLAIN = (
     HostsRecalled,
     HostsReleased,
     ThreatDismissed,
+    WishLapsed,
 )
 _ADAPTERS: dict[str, TypeAdapter[Any]] = {cls.__name__: TypeAdapter(cls) for cls in _PLAIN}
 _EVENTS: dict[str, TypeAdapter[Any]] = {

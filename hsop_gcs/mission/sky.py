@@ -1,5 +1,6 @@
 """Our aircraft, as their telemetry has them: where they are, which of them can be sent, and why the others cannot."""
 
+import math
 from collections import Counter
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -10,9 +11,12 @@ from hsop_gcs.link.pump import Link
 from hsop_gcs.mission.core import MissionState
 from hsop_gcs.mission.dispatch import mover_of
 from hsop_gcs.mission.gates import Aircraft, Closed, closed
-from hsop_gcs.mission.traffic import Blocked, Traffic
+from hsop_gcs.mission.traffic import Blocked, Traffic, unheard_m
 from hsop_gcs.placement.problem import Point
 from hsop_gcs.reports import Site
+
+_LEG_REACHED_M = 3.0
+"""So near to a point of its route a host is sent on; routes keep more than this in hand."""
 
 
 class Sky:
@@ -34,7 +38,9 @@ class Sky:
         """Return the gate at which each host that cannot be sent stands, and why."""
         found = {}
         for host_id, aircraft in self.aircraft().items():
-            at = closed(aircraft, self._fleet.limits, mission.rules.planning.airspace)
+            progress = mission.progress.get(host_id)
+            ahead_m = () if progress is None else progress.ahead_m
+            at = closed(aircraft, self._fleet.limits, mission.rules.planning.airspace, ahead_m)
             aside = mission.why_aside(host_id, now_s)
             if at is None and aside is not None:
                 at = Closed(gate="set aside", reason=aside)
@@ -56,10 +62,10 @@ class Sky:
             if host.id not in found
         )
 
-    def standing(self, found: Mapping[str, Closed]) -> tuple[Flight, ...]:
-        """Return the aircraft in the air that cannot be sent, where they were heard last."""
+    def standing(self, mission: MissionState, found: Mapping[str, Closed]) -> tuple[Flight, ...]:
+        """Return the aircraft in the air that cannot be sent: where they were heard last, what they may fly unheard."""
         return tuple(
-            Flight(host=host_id, points_m=(aircraft.position_m,))
+            Flight(host=host_id, points_m=(aircraft.position_m, *unheard_m(mission, aircraft)))
             for host_id, aircraft in self.aircraft().items()
             if host_id in found and aircraft.position_m is not None and aircraft.state.in_air
         )
@@ -71,7 +77,7 @@ class Sky:
         return Traffic(
             mission=mission,
             aircraft=self.aircraft(),
-            unavailable={host_id: at.reason for host_id, at in self.closed(mission, now_s).items()},
+            closed=self.closed(mission, now_s),
             limits=self._fleet.limits,
             now_s=now_s,
             blocked=blocked,
@@ -89,6 +95,10 @@ class Sky:
         if state.position is not None:
             east, north, up = self._site.frame.to_enu(state.position).tolist()
             position_m = (east, north, up)
+        flown, reached = vehicle.progress, None
+        if flown is not None and flown.horizontal_error_m is not None and flown.vertical_error_m is not None:
+            near = math.hypot(flown.horizontal_error_m, flown.vertical_error_m) <= _LEG_REACHED_M
+            reached = flown.order.order_id if near else None
         ours = () if adapter is None else (adapter.hover_mode.custom_mode, adapter.hold_mode.custom_mode)
         return Aircraft(
             id=host.id,
@@ -97,4 +107,5 @@ class Sky:
             position_m=position_m,
             loss=self._link.vehicle_link(host.system_id).loss,
             obeys=state.custom_mode in ours,
+            reached=reached,
         )

@@ -2,7 +2,8 @@
 
     waiting ──nothing in its way──► sent ─► accepted ─► arrived ─► on station
        ▲                              │         │           │           │
-       │    a threat or another host in its way │           │           │
+       │ a gate closes; a threat, another host  │           │           │
+       │ or the airspace's end is in its way    │           │           │
        ├──────────────────────────────┴─────────┘           │           │
        │                       its order failed             │           │
        └── tries left ──────────── failed ◄─────────────────┴───────────┘
@@ -19,15 +20,15 @@ from types import MappingProxyType
 
 from hsop_gcs.assignment import Flight, FlightRules, Mover, gains_by_staying, in_the_way, safe_route, why_unsafe
 from hsop_gcs.fleet import FlightLimits
-from hsop_gcs.mission.core import MissionState, situation
+from hsop_gcs.mission.core import MissionState, Pending, situation
 from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus
-from hsop_gcs.mission.gates import Aircraft
-from hsop_gcs.mission.inputs import HostDeparted, HostRetried, HostSetAside, HostStopped
+from hsop_gcs.mission.gates import Aircraft, Closed
+from hsop_gcs.mission.inputs import HostDeparted, HostRetried, HostSetAside, HostStopped, LegFlown, WishLapsed
 from hsop_gcs.mission.pipeline import Situation, flight_rules
 from hsop_gcs.placement.airspace import Airspace
 from hsop_gcs.placement.problem import Point
 
-Move = HostDeparted | HostStopped | HostRetried | HostSetAside
+Move = HostDeparted | HostStopped | HostRetried | HostSetAside | LegFlown | WishLapsed
 
 _TURN_AHEAD_S, _STOP_AHEAD_S = 5.0, 3.0
 """How far ahead a flying host is watched for threats, to turn aside and, where it cannot, to stop, which takes so long;
@@ -37,6 +38,8 @@ _SEEK_EVERY_S = 1.0
 """Between attempts to find a way for a host that waits: seeking one takes long."""
 _TURN_EVERY_S = 2.0
 """No host turns aside, or departs after a stop, more often: tracks of threats waver, and every order takes time."""
+_PATIENCE_S = 30.0
+"""A host that was stopped and cannot go on for so long is planned without: others hover where it would have to pass."""
 _STOP_EARLIER_M = 1.0
 """How much nearer than planned two hosts come before one of them is stopped."""
 
@@ -58,7 +61,8 @@ class Traffic:
 
     mission: MissionState
     aircraft: Mapping[str, Aircraft]
-    unavailable: Mapping[str, str]
+    closed: Mapping[str, Closed]
+    """The gates that are closed, by host."""
     limits: FlightLimits
     now_s: float
     blocked: Mapping[str, Blocked] = field(default_factory=lambda: MappingProxyType({}))
@@ -67,16 +71,47 @@ class Traffic:
     def moves(self) -> Iterator[Move | Blocked]:
         """Yield what is to be done now, hosts that depart first before those that wait for them."""
         known = situation(self.mission, (), self.now_s)
+        for host, pending in self.mission.pending.items():
+            reason = self._why_lapsed(host, pending)
+            if reason is not None:
+                yield WishLapsed(time_s=self.now_s, host=host, reason=reason)
         for host, progress in sorted(self.mission.progress.items(), key=lambda item: item[1].rank):
-            if self.aircraft[host].position_m is None:
+            waits = progress.status is OrderStatus.WAITING
+            if self.aircraft[host].taken_over and (progress.flying or (waits and progress.departures > 0)):
+                yield self._left_alone(host)
+            elif progress.flying and host in self.closed:
+                at = self.closed[host]
+                yield HostStopped(time_s=self.now_s, host=host, gate=at.gate, reason=at.reason)
+            elif self.aircraft[host].position_m is None:
                 continue
-            if progress.status is OrderStatus.WAITING:
+            elif waits and self._stuck(host, progress):
+                last = self.blocked.get(host)
+                reason = f"it could not go on for {_PATIENCE_S:.0f} s" + (f": {last.reason}" if last else "")
+                until_s = self.now_s + self.mission.rules.set_aside_s
+                yield HostSetAside(time_s=self.now_s, host=host, reason=reason, until_s=until_s)
+            elif waits:
                 if (progress.departures == 0 or self._calm(progress)) and self._may_seek(host, progress):
                     yield self._departure(host, progress, known)
             elif progress.flying:
-                yield from self._watched(host, progress, known)
+                move = self._watched(host, progress, known) or self._next_leg(host, progress)
+                if move is not None:
+                    yield move
             elif progress.status is OrderStatus.FAILED and self._current(progress):
                 yield self._after_failure(host, progress)
+
+    def _why_lapsed(self, host: str, pending: Pending) -> str | None:
+        """Why a wish that was not confirmed is not to be ordered again."""
+        aircraft = self.aircraft[host]
+        if not aircraft.state.link_up:
+            return None
+        if aircraft.state.armed is False:
+            return "the vehicle is not armed"
+        return None if pending.by_operator or aircraft.obeys else f"somebody else flies it (mode {aircraft.state.mode})"
+
+    def _stuck(self, host: str, progress: OrderProgress) -> bool:
+        """Whether nothing keeps it back but what is in its way, since it was stopped long ago."""
+        late = progress.departures > 0 and self.now_s > progress.since_s + _PATIENCE_S
+        return late and self._why_not_sent(host, progress) is None
 
     def _may_seek(self, host: str, progress: OrderProgress) -> bool:
         last = self.blocked.get(host)
@@ -95,7 +130,7 @@ class Traffic:
             return "its plan does not fly any more"
         if self.now_s > flying.expires_at_s:
             return "its order is stale: the plan has run out"
-        return self.unavailable.get(host)
+        return self.closed[host].reason if host in self.closed else None
 
     def _way(self, host: str, progress: OrderProgress, known: Situation) -> tuple[Point, ...] | str:
         """The way to fly now: the planned one, or another if it is not safe any more; or what is in the way."""
@@ -111,29 +146,48 @@ class Traffic:
         other = in_the_way(flight, self._others(host, progress), rules.separation_m)
         return route if other is None else f"waits for {other} to pass"
 
-    def _watched(self, host: str, progress: OrderProgress, known: Situation) -> Iterator[Move]:
-        """A flying host is turned aside or stopped before it comes too near to a threat or to another host."""
+    def _watched(self, host: str, progress: OrderProgress, known: Situation) -> Move | None:
+        """A flying host is turned aside or stopped before it comes too near to a threat, another host, or the end of
+        the airspace.
+        """
         planning = self.mission.rules.planning
         mover, rules = self._mover(host), flight_rules(planning, known.sigmas)
-        near = replace(rules, safety_distance_m=planning.safety_distance_m, airspace=Airspace())
+        near = replace(rules, safety_distance_m=planning.safety_distance_m)
         flight = Flight(host=host, points_m=(mover.position_m, *progress.ahead_m))
-        unsafe = why_unsafe(mover, progress.ahead_m, known.threats, near, within_s=_TURN_AHEAD_S)
-        if unsafe is not None:
+        if why_unsafe(mover, progress.ahead_m, known.threats, near, within_s=_TURN_AHEAD_S) is not None:
             may_turn = self._calm(progress) and self._why_not_sent(host, progress) is None
             other_way = self._way_around(flight, progress, known, rules) if may_turn else None
             if other_way is not None:
-                yield HostDeparted(time_s=self.now_s, host=host, route_m=other_way)
-                return
-            unsafe = why_unsafe(mover, progress.ahead_m, known.threats, near, within_s=_STOP_AHEAD_S)
+                return HostDeparted(time_s=self.now_s, host=host, route_m=other_way)
+            stop = self._stop(mover, progress, known, near)
+            if stop is not None:
+                return stop
+        other = in_the_way(flight, self._others(host, progress, flying_only=True), near.separation_m - _STOP_EARLIER_M)
+        if other is None:
+            return None
+        return HostStopped(time_s=self.now_s, host=host, gate="separation", reason=f"comes too near to {other}")
+
+    def _stop(self, mover: Mover, progress: OrderProgress, known: Situation, near: FlightRules) -> HostStopped | None:
+        outside = why_unsafe(mover, progress.ahead_m, (), near, within_s=_STOP_AHEAD_S)
+        if outside is not None:
+            return HostStopped(time_s=self.now_s, host=mover.id, gate="airspace", reason=f"its flight {outside}")
+        anywhere = replace(near, airspace=Airspace())
+        unsafe = why_unsafe(mover, progress.ahead_m, known.threats, anywhere, within_s=_STOP_AHEAD_S)
         if unsafe is not None and gains_by_staying(
             mover, progress.ahead_m, known.threats, horizon_s=near.horizon_s, within_s=_STOP_AHEAD_S
         ):
-            yield HostStopped(time_s=self.now_s, host=host, gate="threat", reason=f"its flight {unsafe}")
-            return
-        other = in_the_way(flight, self._others(host, progress, flying_only=True), near.separation_m - _STOP_EARLIER_M)
-        if other is not None:
-            reason = f"comes too near to {other}"
-            yield HostStopped(time_s=self.now_s, host=host, gate="separation", reason=reason)
+            return HostStopped(time_s=self.now_s, host=mover.id, gate="threat", reason=f"its flight {unsafe}")
+        return None
+
+    def _next_leg(self, host: str, progress: OrderProgress) -> LegFlown | HostStopped | None:
+        """A host that has come near a point of its route is sent on as it was sent: if its order and gates allow it."""
+        reached = progress.status is OrderStatus.ACCEPTED and self.aircraft[host].reached == progress.leg_id
+        if not reached or progress.on_last_leg:
+            return None
+        reason = self._why_not_sent(host, progress)
+        if reason is not None:
+            return HostStopped(time_s=self.now_s, host=host, gate="order", reason=reason)
+        return LegFlown(time_s=self.now_s, host=host)
 
     def _way_around(
         self, flight: Flight, progress: OrderProgress, known: Situation, rules: FlightRules
@@ -148,12 +202,15 @@ class Traffic:
     def _after_failure(self, host: str, progress: OrderProgress) -> Move:
         aircraft, rules = self.aircraft[host], self.mission.rules
         if not aircraft.obeys:
-            reason = f"somebody else flies it (mode {aircraft.state.mode})"
-            return HostSetAside(time_s=self.now_s, host=host, reason=reason, until_s=None)
+            return self._left_alone(host)
         if progress.attempts < rules.attempts:
             return HostRetried(time_s=self.now_s, host=host)
         reason = f"its order failed {progress.attempts} times: {progress.note}"
         return HostSetAside(time_s=self.now_s, host=host, reason=reason, until_s=self.now_s + rules.set_aside_s)
+
+    def _left_alone(self, host: str) -> HostSetAside:
+        reason = f"somebody else flies it (mode {self.aircraft[host].state.mode})"
+        return HostSetAside(time_s=self.now_s, host=host, reason=reason, until_s=None)
 
     def _calm(self, progress: OrderProgress) -> bool:
         """Whether the host's last departure or stop is some time ago."""
@@ -165,7 +222,7 @@ class Traffic:
             if other == host or aircraft.position_m is None or aircraft.state.in_air is False:
                 continue
             theirs = self.mission.progress.get(other)
-            points = [aircraft.position_m]
+            points = [aircraft.position_m, *unheard_m(self.mission, aircraft)]
             if theirs is not None:
                 first = theirs.rank < progress.rank
                 waits_first = theirs.status is OrderStatus.WAITING and first and self._current(theirs)
@@ -181,3 +238,9 @@ class Traffic:
         position_m = self.aircraft[host].position_m
         assert position_m is not None, "a host without a position does not move"
         return Mover(id=host, position_m=position_m, speed_mps=self.limits.speed_mps, climb_mps=self.limits.climb_mps)
+
+
+def unheard_m(mission: MissionState, aircraft: Aircraft) -> tuple[Point, ...]:
+    """Return the points that a host may still fly to because it has not heard that it is to stop, ENU metres."""
+    pending = mission.pending.get(aircraft.id)
+    return () if pending is None or aircraft.state.link_up else pending.ahead_m

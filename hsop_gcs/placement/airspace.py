@@ -58,6 +58,10 @@ class Airspace:
         """Return how far a point is outside the nearest keep-out area, metres; infinite if there is none."""
         return min((area.room_m(position_m) for area in self.keep_outs), default=math.inf)
 
+    def room_m(self, position_m: tuple[float, float, float]) -> float:
+        """Return how far a point is from the fence and from keep-out areas, metres; negative where nobody may be."""
+        return min(self.fence_room_m(position_m), self.keep_out_room_m(position_m))
+
     def altitude_room_m(self, up_m: float) -> float:
         """Return how far an altitude is from the floor or the ceiling, metres; negative beyond them."""
         below = math.inf if self.ceiling_m is None else self.ceiling_m - up_m

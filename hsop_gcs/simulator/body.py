@@ -16,7 +16,7 @@ import numpy as np
 from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
 from hsop_gcs.link.enums import MavLandedState
 from hsop_gcs.simulator.battery import Battery, BatteryConfig, Thresholds
-from hsop_gcs.simulator.disturbances import GpsError, Receiver, Weather, Wind
+from hsop_gcs.simulator.disturbances import GALE, GpsError, Receiver, Weather, Wind
 from hsop_gcs.simulator.faults import Fault, FaultKind, Faults
 from hsop_gcs.simulator.flight import STEP_S, FlightGoal, FlightLimits, FlightState, Point, step
 from hsop_gcs.simulator.gimbal import Gimbal, GimbalLimits, Identity
@@ -219,7 +219,8 @@ class Body:
             self.lifted_off()
         if self.in_air and self.goal is not None:
             goal = self._really(self.goal)
-            self.state = step(self.state, goal, self.config.flight, air=self._weather.step(STEP_S))
+            air = self._weather.step(STEP_S)
+            self.state = step(self.state, goal, self.config.flight, air=GALE if self.suffers(FaultKind.GALE) else air)
             self._mind_the_goal(goal)
             if self.battery.drain(STEP_S, self.battery_thresholds()):
                 self.battery_fell()

@@ -7,6 +7,7 @@ import numpy as np
 
 from hsop_gcs.simulator.flight import CALM, Air, Point
 
+GALE = Air(mean_mps=(18.0, 0.0), gust_mps=(0.0, 0.0))
 _GUST_TIME_S = 2.0
 _GPS_ERROR_TIME_S = 20.0
 

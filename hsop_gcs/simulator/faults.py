@@ -25,6 +25,7 @@ class FaultKind(StrEnum):
     GIMBAL_TAKEN = "gimbal-taken"
     GPS_LOST = "gps-lost"
     LINK_CUT = "link-cut"
+    GALE = "gale"
 
 
 FORM = "[VEHICLE:]KIND[=COMMAND][,count=N][,result=RESULT][@START[+LENGTH]]"
@@ -36,6 +37,7 @@ MEANING = {
     FaultKind.GIMBAL_TAKEN: "another ground station takes the gimbal and looks down; insists for LENGTH if given",
     FaultKind.GPS_LOST: "the position is lost, a vehicle in the air comes down where it is",
     FaultKind.LINK_CUT: "nothing passes in either direction",
+    FaultKind.GALE: "a west wind of 18 m/s carries the vehicle away, faster than it flies",
 }
 _WITH_COMMAND = {FaultKind.REJECT, FaultKind.IGNORE}
 _FORM = re.compile(

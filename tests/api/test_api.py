@@ -33,6 +33,15 @@ def test_a_host_nobody_hears_is_shown_as_such(client: httpx2.Client) -> None:
     assert any("h1" in each for each in health["problems"])
 
 
+def test_a_recall_that_no_host_hears_is_shown_until_it_is_released(client: httpx2.Client) -> None:
+    client.post("/api/v1/hosts/recall", json={"hosts": ["h2"]}).raise_for_status()
+    h1, h2 = (host["pending"] for host in client.get("/api/v1/hosts").json())
+    assert h1 is None
+    assert (h2["command"], h2["by_operator"], h2["why"]) == ("return to launch", True, "no link to the vehicle")
+    client.post("/api/v1/hosts/release", json={}).raise_for_status()
+    assert [host["pending"] for host in client.get("/api/v1/hosts").json()] == [None, None]
+
+
 @pytest.mark.parametrize(
     ("path", "body", "status", "word"),
     [

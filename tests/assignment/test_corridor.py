@@ -40,8 +40,41 @@ def test_a_straight_flight_is_judged_like_its_points(start: Point, goal: Point) 
     problem = why_outside(AIRSPACE, (start, goal))
     if room > 0:
         assert problem is None
-    elif room < -5 * DECIMETRE:
+    elif room < -5 * DECIMETRE and AIRSPACE.room_m(start) >= 0:
         assert problem in ("leaves the fence", "leads through a keep-out area")
+
+
+@given(places, places)
+@settings(deadline=None, max_examples=60)
+def test_a_flight_that_begins_outside_comes_steadily_nearer_to_the_inside_and_stays_there(
+    start: Point, goal: Point
+) -> None:
+    rooms = [AIRSPACE.room_m(point) for point in along((start, goal))]
+    if rooms[0] < -DECIMETRE and why_outside(AIRSPACE, (start, goal)) is None:
+        entry = next(index for index, room in enumerate(rooms) if room >= -DECIMETRE)
+        assert all(after > before - 2 * DECIMETRE for before, after in pairwise(rooms[:entry]))
+        assert min(rooms[entry:]) >= -5 * DECIMETRE
+
+
+OUT, IN = (-20.0, 5.0, 20.0), (-20.0, -30.0, 20.0)
+AT_THE_TOWER = (30.0, -22.0, 20.0)
+
+
+@pytest.mark.parametrize(
+    ("way", "problem"),
+    [
+        ((OUT, IN), None),
+        ((OUT, IN, OUT), "leaves the fence"),
+        ((OUT, (-20.0, 2.0, 20.0)), "leaves the fence"),
+        ((OUT, (-20.0, 50.0, 20.0), (30.0, 50.0, 20.0)), "leaves the fence"),
+        ((AT_THE_TOWER, (30.0, 10.0, 20.0)), None),
+        ((AT_THE_TOWER, (30.0, -22.0, 50.0)), "leads through a keep-out area"),
+        ((AT_THE_TOWER, (30.0, -60.0, 20.0)), "leads through a keep-out area"),
+    ],
+    ids=["back in", "and out again", "not far enough", "farther out first", "out of the tower", "up", "through it"],
+)
+def test_who_is_outside_may_fly_straight_back_in(way: tuple[Point, ...], problem: str | None) -> None:
+    assert why_outside(AIRSPACE, way) == problem
 
 
 @pytest.mark.parametrize(

@@ -18,11 +18,13 @@ from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
 from hsop_gcs.journal import Journal
 from hsop_gcs.link.pump import Link
 from hsop_gcs.mission.controller import Mission
+from hsop_gcs.mission.core import MissionState
 from hsop_gcs.mission.inputs import Rules
 from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation, decide
 from hsop_gcs.mission.solver import Solver
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.reports import Report, Site
+from hsop_gcs.simulator.battery import BatteryConfig
 from hsop_gcs.simulator.eyes import Viewer, look
 from hsop_gcs.simulator.faults import Fault
 from hsop_gcs.simulator.fleet import Autopilot, FleetConfig, SimulatedFleet, grid
@@ -54,6 +56,7 @@ class Flight:
     radar_period_s: float = 1.0
     camera_period_s: float = 0.2
     faults: tuple[Fault, ...] = ()
+    battery: BatteryConfig = field(default_factory=BatteryConfig)
     latency_s: float = 0.1
     """From an exposure to the service."""
     solve_s: float = 0.5
@@ -77,9 +80,15 @@ def decide_in_rounds(rounds: int) -> Decide:
     return lambda asked, rules: decide(asked, rules, now=lambda: 0.0, iterations=(rounds, rounds))
 
 
-def fly(flight: Flight, watch: Callable[[Moment], None], solve: Decide, journal: Journal | None = None) -> Mission:
-    """Fly a mission to its end in virtual time; return it as it then stands."""
-    return run(_fly(flight, watch, solve, journal))
+def fly(
+    flight: Flight,
+    watch: Callable[[Moment], None],
+    solve: Decide,
+    journal: Journal | None = None,
+    recovered: MissionState | None = None,
+) -> Mission:
+    """Fly a mission to its end in virtual time; return it as it then stands. recovered: how an earlier one ended."""
+    return run(_fly(flight, watch, solve, journal, recovered))
 
 
 class _Solver(Solver):
@@ -99,7 +108,13 @@ class _Solver(Solver):
         return True
 
 
-async def _fly(flight: Flight, watch: Callable[[Moment], None], solve: Decide, journal: Journal | None) -> Mission:
+async def _fly(
+    flight: Flight,
+    watch: Callable[[Moment], None],
+    solve: Decide,
+    journal: Journal | None,
+    recovered: MissionState | None,
+) -> Mission:
     loop = asyncio.get_running_loop()
     clock = lambda: EPOCH_S + loop.time()  # noqa: E731
     hosts = [Host(id=f"h{n}", system_id=n, connection=f"udpin:127.0.0.1:{PORT}") for n in range(1, flight.hosts + 1)]
@@ -113,6 +128,7 @@ async def _fly(flight: Flight, watch: Callable[[Moment], None], solve: Decide, j
             airborne_m=flight.altitude_m,
             seed=flight.seed,
             faults=flight.faults,
+            battery=flight.battery,
         ),
         clock=loop.time,
     )
@@ -126,6 +142,7 @@ async def _fly(flight: Flight, watch: Callable[[Moment], None], solve: Decide, j
             clock=clock,
             rules=flight.rules,
             journal=journal,
+            recovered=recovered,
         )
         await fleet.start()
         tasks = [

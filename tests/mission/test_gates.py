@@ -11,6 +11,7 @@ from hsop_gcs.geometry.frames import GeodeticPoint
 from hsop_gcs.link.protocol.telemetry import VehicleState
 from hsop_gcs.mission.gates import Aircraft, Closed, closed
 from hsop_gcs.placement.airspace import Airspace, KeepOut
+from hsop_gcs.placement.problem import Point
 
 NOW_S = 100.0
 HERE = GeodeticPoint(lat_deg=47.0, lon_deg=8.0, altitude_amsl_m=500.0)
@@ -41,8 +42,8 @@ def aircraft(
     return Aircraft(id="h1", state=state, now_s=NOW_S, position_m=position_m, loss=loss, obeys=obeys)
 
 
-def at(host: Aircraft, **limits: float) -> Closed | None:
-    return closed(host, FlightLimits(**limits), AIRSPACE)
+def at(host: Aircraft, *ahead_m: Point, **limits: float) -> Closed | None:
+    return closed(host, FlightLimits(**limits), AIRSPACE, ahead_m)
 
 
 def test_a_host_in_good_order_passes_all() -> None:
@@ -84,3 +85,15 @@ def test_a_gate_closes_with_a_reason(host: Aircraft, gate: str, reason: str) -> 
 def test_a_reserve_of_nothing_asks_for_nothing() -> None:
     assert at(aircraft(battery_percent=None), battery_reserve_percent=0.0) is None
     assert at(aircraft(loss=0.99), link_loss_max=1.0) is None
+
+
+def test_a_host_outside_passes_while_it_flies_straight_back_in() -> None:
+    outside, in_keep_out = aircraft(position_m=(62.0, 0.0, 40.0)), aircraft(position_m=(36.0, 25.0, 20.0))
+    assert at(outside, (0.0, 0.0, 40.0)) is None
+    assert at(in_keep_out, (48.0, 0.0, 20.0)) is None
+    for away in (at(outside, (80.0, 0.0, 40.0)), at(outside, (62.0, 40.0, 40.0), (0.0, 0.0, 40.0))):
+        assert away is not None
+        assert away.gate == "fence"
+    through = at(in_keep_out, (0.0, 0.0, 20.0))
+    assert through is not None
+    assert through.gate == "keep-out"

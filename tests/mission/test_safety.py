@@ -6,17 +6,23 @@ the same answer.
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
 from hsop_gcs.assignment import HostOrder
 from hsop_gcs.geometry.frames import Aim
+from hsop_gcs.journal import Journal
+from hsop_gcs.link.events import CommandFinished
 from hsop_gcs.mission.controller import Mission
-from hsop_gcs.mission.inputs import Rules
+from hsop_gcs.mission.core import MissionState, Wish
+from hsop_gcs.mission.inputs import HostSetAside, HostStopped, Rules, WishLapsed
 from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation
+from hsop_gcs.mission.records import recover
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.placement.problem import Formulation, Objective, Point
 from hsop_gcs.placement.solution import Placement, Status
+from hsop_gcs.simulator.battery import BatteryConfig
 from hsop_gcs.simulator.faults import Fault, parse_fault
 from hsop_gcs.simulator.fleet import Autopilot
 from hsop_gcs.simulator.truth import TrueState
@@ -65,6 +71,9 @@ def flown(
     truth: Truth = FAR,
     solve_s: float = 0.5,
     attempts: int = 3,
+    battery: BatteryConfig | None = None,
+    journal: Journal | None = None,
+    recovered: MissionState | None = None,
 ) -> Mission:
     rules = Rules(autonomy=Autonomy.AUTO, planning=PlanningRules(horizon_s=60.0), attempts=attempts)
     flight = Flight(
@@ -78,8 +87,9 @@ def flown(
         rules=rules,
         radar_sigma_m=0.5,
         camera_period_s=0.5,
+        battery=battery or BatteryConfig(),
     )
-    return fly(flight, watch, Planner())
+    return fly(flight, watch, Planner(), journal, recovered)
 
 
 def places_m(mission: Mission) -> dict[str, Point]:
@@ -202,3 +212,121 @@ def test_a_host_that_somebody_else_flies_is_not_stopped_and_not_sent() -> None:
     plan = mission.state.plans.flying
     assert plan is not None
     assert [order.host for order in plan.decision.orders] == ["h2", "h3"]
+
+
+def test_a_host_that_drifts_away_for_good_is_tried_again_and_then_planned_without() -> None:
+    reasons: set[str] = set()
+    ordered: list[tuple[str, ...]] = []
+
+    def watch(moment: Moment) -> None:
+        mission = moment.mission
+        if moment.time_s == pytest.approx(35.0, abs=0.01):
+            assert {str(each.status) for each in mission.state.progress.values()} == {"on station"}
+        aside, plan = mission.state.why_aside("h2", mission.clock()), mission.state.plans.flying
+        reasons.update({aside} if aside else ())
+        hosts = () if plan is None else tuple(order.host for order in plan.decision.orders)
+        if hosts not in ordered[-1:]:
+            ordered.append(hosts)
+
+    mission = flown(watch, duration_s=150.0, hosts=3, faults=(parse_fault("h2:gale@35", 3),), attempts=2)
+    telling = {"Drifted", "OrderFailed", "HostRetried", "HostSetAside"}
+    happened = [kind for kind in kinds(mission, "h2") if kind in telling]
+    assert happened == ["Drifted", "OrderFailed", "HostRetried", "OrderFailed", "HostSetAside"]
+    (reason,) = reasons
+    assert reason.startswith("its order failed 2 times: not there after")
+    assert ordered == [(), ("h1", "h2"), ("h1", "h3")]
+
+
+def test_a_battery_that_falls_below_its_reserve_in_flight_stops_the_host_there() -> None:
+    stopped_m: dict[str, Point] = {}
+
+    def watch(moment: Moment) -> None:
+        if "HostStopped" in kinds(moment.mission) and not stopped_m:
+            stopped_m.update(places_m(moment.mission))
+
+    battery = BatteryConfig(percent=20.5, endurance_s=1000.0)
+    mission = flown(watch, duration_s=24.0, battery=battery)
+    stops = [each.event for each in mission.events if isinstance(each.event, HostStopped)]
+    assert sorted((stop.host, stop.gate) for stop in stops) == [("h1", "battery"), ("h2", "battery")]
+    assert stops[0].reason == "the battery has 19 % left, less than the reserve of 20 %"
+    assert moved_m(stopped_m, places_m(mission)) < 20.0
+    assert min(math.dist(places_m(mission)[host], goal) for host, goal in zip(("h1", "h2"), GOALS, strict=True)) > 20.0
+    assert mission.state.pending == {}
+    assert {str(each.status) for each in mission.state.progress.values()} == {"waiting"}
+    assert mission.why_waiting(mission.fleet.hosts[0]) == stops[0].reason
+
+
+@STACKS
+def test_a_failsafe_that_the_autopilot_began_is_left_to_it(autopilot: Autopilot) -> None:
+    fault = parse_fault("h1:gps-lost@8", 3)
+    mission = flown(lambda _moment: None, duration_s=20.0, hosts=3, faults=(fault,), autopilot=autopilot)
+    assert mission.vehicle(mission.fleet.hosts[0]).state.mode == "Land"
+    of_h1 = [each for each in mission.events if each.host == "h1"]
+    left_s = next(each.time_s for each in of_h1 if isinstance(each.event, WishLapsed | HostSetAside))
+    told_s = [each.time_s for each in of_h1 if isinstance(each.event, CommandFinished)]
+    assert max(told_s, default=left_s) < left_s + 1.0, "it is not commanded any more"
+    assert mission.clock() > left_s + 6.0
+    assert mission.state.pending == {}
+    plan = mission.state.plans.flying
+    assert plan is not None
+    assert [order.host for order in plan.decision.orders] == ["h2", "h3"]
+
+
+@STACKS
+def test_a_host_that_falls_silent_in_flight_is_stopped_when_it_is_heard_again(autopilot: Autopilot) -> None:
+    def watch(moment: Moment) -> None:
+        if moment.time_s == pytest.approx(13.0, abs=0.01):
+            pending = moment.mission.state.pending["h1"]
+            assert (pending.wish, pending.by_operator) == (Wish.HOLD, False)
+
+    mission = flown(watch, duration_s=30.0, hosts=3, autopilot=autopilot, faults=(parse_fault("h1:link-cut@7+6.5", 3),))
+    stop = next(each.event for each in mission.events if isinstance(each.event, HostStopped))
+    assert (stop.host, stop.gate, stop.reason) == ("h1", "position", "the vehicle's position is not known")
+    assert mission.state.pending == {}
+    assert math.dist(places_m(mission)["h1"], GOALS[0]) > 15.0
+    assert math.hypot(*(mission.vehicle(mission.fleet.hosts[0]).state.velocity_enu_mps or (math.inf,))) < 1.0
+    plan = mission.state.plans.flying
+    assert plan is not None
+    assert [order.host for order in plan.decision.orders] == ["h2", "h3"]
+
+
+def recalled_unheard(moment: Moment) -> None:
+    if moment.time_s == pytest.approx(8.0, abs=0.01):
+        assert moment.mission.recall() == ["h1", "h2"]
+    elif moment.time_s == pytest.approx(14.0, abs=0.01):
+        assert set(moment.mission.state.pending) == {"h1"}
+
+
+@STACKS
+def test_a_recall_that_is_not_heard_is_ordered_when_the_host_is_heard_again(autopilot: Autopilot) -> None:
+    mission = flown(
+        recalled_unheard, duration_s=24.0, autopilot=autopilot, faults=(parse_fault("h1:link-cut@7+10", 2),)
+    )
+    assert {mission.vehicle(host).state.mode for host in mission.fleet.hosts} <= {"Return", "RTL", "Land"}
+    assert mission.state.pending == {}
+
+
+def test_a_release_takes_back_a_recall_that_was_not_heard() -> None:
+    def watch(moment: Moment) -> None:
+        recalled_unheard(moment)
+        if moment.time_s == pytest.approx(15.0, abs=0.01):
+            moment.mission.release()
+
+    mission = flown(watch, duration_s=24.0, faults=(parse_fault("h1:link-cut@7+10", 2),))
+    assert mission.state.pending == {}
+    assert mission.vehicle(mission.fleet.hosts[0]).state.mode == "Hold"
+
+
+def test_a_recall_that_was_not_heard_outlasts_the_service(tmp_path: Path) -> None:
+    path = tmp_path / "journal"
+    with Journal(path) as journal:
+        ended = flown(recalled_unheard, duration_s=15.0, faults=(parse_fault("h1:link-cut@7+10", 2),), journal=journal)
+    recovered = recover(path)
+    assert recovered == ended.state
+    assert recovered.pending["h1"].wish is Wish.RECALL
+    with Journal(path) as journal:
+        again = flown(lambda _moment: None, duration_s=6.0, recovered=recovered, journal=journal)
+    modes = [again.vehicle(host).state.mode for host in again.fleet.hosts]
+    assert modes == ["Return", "Hold"], "the one that had confirmed is not ordered again"
+    assert again.state.pending == {}
+    assert recover(path) == again.state

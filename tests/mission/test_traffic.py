@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 
-from hsop_gcs.assignment import Departure, HostOrder
+from hsop_gcs.assignment import Departure, HostOrder, why_outside
 from hsop_gcs.fleet import FlightLimits
-from hsop_gcs.link.events import Arrived, Event, OrderAccepted, OrderFailed, OrderSuperseded
+from hsop_gcs.link.events import Arrived, CommandFinished, Event, OrderAccepted, OrderFailed, OrderSuperseded
 from hsop_gcs.link.protocol.telemetry import VehicleState
-from hsop_gcs.mission.core import MissionState, apply, situation
+from hsop_gcs.mission.core import MissionState, Wish, apply, situation
 from hsop_gcs.mission.dispatch import OrderStatus
-from hsop_gcs.mission.gates import Aircraft
+from hsop_gcs.mission.gates import Aircraft, Closed
 from hsop_gcs.mission.inputs import (
     DecisionMade,
     HostDeparted,
@@ -25,34 +25,40 @@ from hsop_gcs.mission.inputs import (
     HostsReleased,
     HostStopped,
     Input,
+    LegFlown,
     MissionStarted,
     PlanFlew,
     ReportsArrived,
     Rules,
     SolverAsked,
     ThreatDismissed,
+    WishLapsed,
 )
-from hsop_gcs.mission.pipeline import Decision
+from hsop_gcs.mission.pipeline import Decision, PlanningRules
 from hsop_gcs.mission.records import from_record, to_record
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.mission.traffic import Blocked, Traffic
+from hsop_gcs.placement.airspace import Airspace, KeepOut
 from hsop_gcs.placement.problem import Formulation, Objective, Point
 from hsop_gcs.placement.solution import Placement, Status
 from hsop_gcs.reports import Report
 
 NOW_S = 1000.0
+LOW = Closed(gate="battery", reason="the battery is low")
+HELD = CommandFinished(system=1, command="hold", problem=None)
 PLACES: dict[str, Point] = {"h1": (0.0, 0.0, 40.0), "h2": (60.0, 0.0, 40.0)}
 
 
-def flying(*goals: tuple[str, Point], autonomy: Autonomy = Autonomy.AUTO) -> MissionState:
+def flying(*goals: tuple[str, Point], via: tuple[Point, ...] = (), airspace: Airspace | None = None) -> MissionState:
     """A mission with one threat far away, and a plan that flies to these goals, in this order."""
-    mission = apply(MissionState(), MissionStarted(time_s=NOW_S, rules=Rules(autonomy=autonomy)))
+    rules = Rules(autonomy=Autonomy.AUTO, planning=PlanningRules(airspace=airspace or Airspace()))
+    mission = apply(MissionState(), MissionStarted(time_s=NOW_S, rules=rules))
     mission = reported(mission, (0.0, 500.0, 40.0), NOW_S, "t1")
     orders = tuple(HostOrder(host=host, position_m=goal, heading_deg=0, aim=None, views=()) for host, goal in goals)
     placement = Placement(status=Status.FEASIBLE, formulation=Formulation.OPERATIONAL, objective=Objective.LETTER)
     asked = situation(mission, (), NOW_S)
     decision = Decision(placement=placement, threats=asked.threats, window_start_s=NOW_S + 5, orders=orders)
-    departures = tuple(Departure(host=host, route_m=(goal,)) for host, goal in goals)
+    departures = tuple(Departure(host=host, route_m=(*via, goal)) for host, goal in goals)
     for given in (
         SolverAsked(time_s=NOW_S, trigger="", situation=asked),
         DecisionMade(time_s=NOW_S, decision=decision),
@@ -69,22 +75,25 @@ def reported(mission: MissionState, position_m: Point, time_s: float, threat: st
     return apply(mission, ReportsArrived(time_s=time_s, measurements=(report,), hosts_m={}))
 
 
-def aircraft(host: str, position_m: Point, **changes: Any) -> Aircraft:
-    state = VehicleState(system=1, link_up=True, in_air=True, mode=changes.pop("mode", "Guided"))
-    return Aircraft(id=host, state=replace(state, **changes), now_s=0.0, position_m=position_m)
+def aircraft(
+    host: str, position_m: Point | None, *, obeys: bool = True, reached: str | None = None, **changes: Any
+) -> Aircraft:
+    state = replace(VehicleState(system=1, link_up=True, armed=True, in_air=True, mode="Guided"), **changes)
+    return Aircraft(id=host, state=state, now_s=0.0, position_m=position_m, obeys=obeys, reached=reached)
 
 
-def traffic(mission: MissionState, now_s: float = NOW_S, closed: str = "", **at: Point) -> Traffic:
-    fleet = {host: aircraft(host, place) for host, place in (PLACES | at).items()}
-    unavailable = {closed: "the battery is low"} if closed else {}
-    return Traffic(mission=mission, aircraft=fleet, unavailable=unavailable, limits=FlightLimits(), now_s=now_s)
+def traffic(mission: MissionState, now_s: float = NOW_S, *others: Aircraft, closed: str = "", **at: Point) -> Traffic:
+    """closed: the host that stands at a gate. others: aircraft that are not just somewhere."""
+    fleet = {host: aircraft(host, place) for host, place in (PLACES | at).items()} | {each.id: each for each in others}
+    gates = {closed: LOW} if closed else {}
+    return Traffic(mission=mission, aircraft=fleet, closed=gates, limits=FlightLimits(), now_s=now_s)
 
 
 def moved(
-    mission: MissionState, now_s: float = NOW_S, closed: str = "", **at: Point
+    mission: MissionState, now_s: float = NOW_S, *others: Aircraft, closed: str = "", **at: Point
 ) -> tuple[MissionState, list[Input]]:
     """The mission after what traffic does with it, each input having been through the journal."""
-    seen = traffic(mission, now_s, closed, **at).moves()
+    seen = traffic(mission, now_s, *others, closed=closed, **at).moves()
     moves: list[Input] = [each for each in seen if not isinstance(each, Blocked)]
     for given in moves:
         assert from_record(*to_record(given), given.time_s) == given
@@ -92,9 +101,13 @@ def moved(
     return mission, moves
 
 
-def blocked(mission: MissionState, host: str, now_s: float = NOW_S, closed: str = "", **at: Point) -> str | None:
+def blocked(
+    mission: MissionState, host: str, now_s: float = NOW_S, *others: Aircraft, closed: str = "", **at: Point
+) -> str | None:
     """Why a host that waits does not depart."""
-    found = [each for each in traffic(mission, now_s, closed, **at).moves() if isinstance(each, Blocked)]
+    found = [
+        each for each in traffic(mission, now_s, *others, closed=closed, **at).moves() if isinstance(each, Blocked)
+    ]
     return next((each.reason for each in found if each.host == host), None)
 
 
@@ -135,6 +148,87 @@ def test_a_host_behind_a_closed_gate_and_a_stale_order_stay() -> None:
     late_s = NOW_S + 15.1
     assert moved(mission, late_s)[1] == []
     assert blocked(mission, "h1", late_s) == "its order is stale: the plan has run out"
+
+
+def test_a_gate_that_closes_in_flight_stops_the_host_and_its_order_goes_on_when_it_opens() -> None:
+    mission, _ = moved(flying(("h1", (0, 50, 40)), ("h2", (60, 50, 40))))
+    mission, moves = moved(mission, NOW_S + 1, closed="h1")
+    assert moves == [HostStopped(time_s=NOW_S + 1, host="h1", gate="battery", reason="the battery is low")]
+    assert statuses(mission) == {"h1": "waiting", "h2": "sent"}
+    assert mission.progress["h1"].note == "the battery is low"
+    assert mission.pending["h1"].wish is Wish.HOLD
+    assert blocked(mission, "h1", NOW_S + 4, closed="h1") == "the battery is low"
+    mission, moves = moved(mission, NOW_S + 4)
+    assert [type(move) for move in moves] == [HostDeparted]
+    assert mission.pending == {}
+
+
+def test_a_host_without_a_position_is_stopped_too() -> None:
+    mission, _ = moved(flying(("h1", (0, 50, 40))))
+    _, moves = moved(mission, NOW_S + 1, aircraft("h1", None), closed="h1")
+    assert [type(move) for move in moves] == [HostStopped]
+
+
+@pytest.mark.parametrize("stopped", [False, True], ids=["flying", "stopped on the way"])
+def test_a_host_that_its_autopilot_has_taken_over_is_given_up_and_not_commanded(stopped: bool) -> None:
+    mission, _ = moved(flying(("h1", (0, 50, 40))))
+    if stopped:
+        mission, _ = moved(mission, NOW_S + 1, closed="h1")
+        mission = apply(mission, HostSpoke(time_s=NOW_S + 1, host="h1", event=HELD))
+    failsafe = aircraft("h1", (0, 20, 40), mode="RTL", obeys=False)
+    mission, moves = moved(mission, NOW_S + 2, failsafe, closed="h1")
+    assert moves == [
+        HostSetAside(time_s=NOW_S + 2, host="h1", reason="somebody else flies it (mode RTL)", until_s=None)
+    ]
+    assert mission.pending == {}
+    assert moved(mission, NOW_S + 9, failsafe, closed="h1")[1] == []
+
+
+def test_others_keep_clear_of_where_a_host_may_fly_that_does_not_hear_that_it_is_to_stop() -> None:
+    mission = flying(("h2", (60, 50, 40)), ("h1", (100, 0, 40)))
+    on_its_way = replace(mission.progress["h1"], status=OrderStatus.SENT, departures=1)
+    mission = replace(mission, progress={**mission.progress, "h1": on_its_way})
+    silent, h2 = aircraft("h1", (20.0, 0.0, 40.0), link_up=False), aircraft("h2", (60.0, -50.0, 40.0))
+    mission, moves = moved(mission, NOW_S + 1, silent, h2, closed="h1")
+    assert [type(move) for move in moves] == [HostStopped]
+    assert mission.pending["h1"].ahead_m == ((100, 0, 40),)
+    assert blocked(mission, "h2", NOW_S + 3, silent, h2, closed="h1") == "waits for h1 to pass"
+    held = apply(mission, HostSpoke(time_s=NOW_S + 4, host="h1", event=HELD))
+    assert held.pending == {}
+    (departed,) = moved(held, NOW_S + 4, silent, h2, closed="h1")[1]
+    assert isinstance(departed, HostDeparted)
+    assert departed.host == "h2"
+
+
+TOWER = Airspace(keep_outs=(KeepOut(polygon=((-30.0, 60.0), (30.0, 60.0), (30.0, 70.0), (-30.0, 70.0))),))
+
+
+def test_a_flight_towards_a_forbidden_area_is_turned_aside_or_stopped_before_it_enters() -> None:
+    mission, _ = moved(flying(("h1", (-40, 90, 40)), airspace=TOWER), h1=(-40.0, 0.0, 40.0))
+    assert moved(mission, NOW_S + 1, h1=(-40.0, 38.0, 40.0))[1] == []
+    assert moved(mission, NOW_S + 1, h1=(0.0, 0.0, 40.0))[1] == [], "there is time"
+    (stop,) = moved(mission, NOW_S + 1, h1=(-20.0, 50.0, 40.0))[1]
+    assert isinstance(stop, HostStopped)
+    assert (stop.gate, stop.reason) == ("airspace", "its flight leads through a keep-out area")
+    (turned,) = moved(mission, NOW_S + 3, h1=(-20.0, 50.0, 40.0))[1]
+    assert isinstance(turned, HostDeparted)
+    assert why_outside(TOWER, ((-20.0, 50.0, 40.0), *turned.route_m)) is None
+
+
+def test_a_host_is_sent_along_its_route_as_long_as_its_order_and_its_gates_allow_it() -> None:
+    mission, _ = moved(flying(("h1", (0, 90, 40)), via=((40, 40, 40),)))
+    mission = spoke(mission, OrderAccepted)
+    there = aircraft("h1", (38.0, 39.0, 40.0), reached=mission.progress["h1"].leg_id)
+    assert moved(mission, NOW_S + 6, aircraft("h1", (38.0, 39.0, 40.0), reached="another"))[1] == []
+    on, moves = moved(mission, NOW_S + 6, there)
+    assert [type(move) for move in moves] == [LegFlown]
+    assert on.progress["h1"].on_last_leg
+    (late,) = moved(mission, NOW_S + 15.1, there)[1]
+    assert isinstance(late, HostStopped)
+    assert (late.gate, late.reason) == ("order", "its order is stale: the plan has run out")
+    (closed,) = moved(mission, NOW_S + 6, there, closed="h1")[1]
+    assert isinstance(closed, HostStopped)
+    assert closed.gate == "battery"
 
 
 def test_a_threat_that_moves_into_the_way_turns_a_flight_aside() -> None:
@@ -197,6 +291,22 @@ def test_a_host_that_somebody_puts_in_the_way_stops_the_one_that_flies() -> None
     assert [type(move) for move in moved(mission, later_s, h2=(14.0, 50.0, 40.0))[1]] == [HostDeparted]
 
 
+def test_a_host_that_was_stopped_and_cannot_go_on_for_long_is_planned_without() -> None:
+    mission, _ = moved(flying(("h1", (0, 90, 40))))
+    mission, _ = moved(mission, h2=(4.0, 50.0, 40.0))
+    plan = mission.plans.flying
+    assert plan is not None
+    kept = replace(mission.plans, flying=replace(plan, expires_at_s=NOW_S + 60))
+    in_the_way = aircraft("h2", (4.0, 50.0, 40.0))
+    assert moved(mission, NOW_S + 31, in_the_way)[1] == [], "its plan has run out: it is not the host's fault"
+    mission = replace(mission, plans=kept)
+    assert moved(mission, NOW_S + 29, in_the_way)[1] == []
+    mission, moves = moved(mission, NOW_S + 31, in_the_way)
+    assert [type(move) for move in moves] == [HostSetAside]
+    assert mission.why_aside("h1", NOW_S + 90) == "it could not go on for 30 s"
+    assert mission.why_aside("h1", NOW_S + 92) is None
+
+
 def test_an_order_that_fails_is_tried_again_and_then_the_host_is_planned_without() -> None:
     mission, _ = moved(flying(("h1", (0, 90, 40))))
     for again in (1, 2):
@@ -215,11 +325,9 @@ def test_an_order_that_fails_is_tried_again_and_then_the_host_is_planned_without
 def test_a_host_that_somebody_else_flies_is_left_to_him_until_it_is_released() -> None:
     mission, _ = moved(flying(("h1", (0, 90, 40))))
     mission = spoke(mission, OrderFailed, reason="the vehicle is in mode Loiter")
-    rc = replace(aircraft("h1", PLACES["h1"], mode="Loiter"), obeys=False)
-    sky = traffic(mission)
-    (given,) = replace(sky, aircraft={**sky.aircraft, "h1": rc}).moves()
-    assert isinstance(given, HostSetAside)
-    mission = apply(mission, given)
+    mission, moves = moved(mission, NOW_S, aircraft("h1", PLACES["h1"], mode="Loiter", obeys=False))
+    assert [type(move) for move in moves] == [WishLapsed, HostSetAside]
+    assert mission.pending == {}
     assert mission.why_aside("h1", NOW_S + 1e6) == "somebody else flies it (mode Loiter)"
     released = apply(mission, HostsReleased(time_s=NOW_S, hosts=("h1",), everyone=False))
     assert released.why_aside("h1", NOW_S) is None

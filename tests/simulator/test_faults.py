@@ -143,3 +143,16 @@ def test_without_satellites_the_position_goes_and_the_vehicle_comes_down(stack: 
     assert len(positions) <= 1  # PX4 publishes none, ArduPilot the last one there was
     station.wait(20.0)
     assert not station.vehicle.in_air
+
+
+@pytest.mark.parametrize("stack", STACKS)
+def test_a_gale_carries_the_vehicle_away_until_it_ends(stack: Stack) -> None:
+    station = with_fault(stack, "gale@3+20")
+    station.wait(3.0)
+    east_m, north_m, _ = station.vehicle.state.position_m
+    station.wait(20.0)
+    carried_m = station.vehicle.state.position_m[0] - east_m
+    assert carried_m > 30.0
+    assert abs(station.vehicle.state.position_m[1] - north_m) < 2.0
+    station.wait(30.0)
+    assert abs(station.vehicle.state.position_m[0] - east_m) < 2.0
