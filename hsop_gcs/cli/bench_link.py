@@ -83,6 +83,6 @@ def _print(result: "Result", console: "Console") -> None:
     for heading in ("what", "measured", "at most", "holds"):
         limits.add_column(heading, justify="left" if heading == "what" else "right")
     for limit in result.limits():
-        measured, at_most = (f"{each:.3g} {limit.unit}" for each in (limit.measured, limit.at_most))
+        measured, at_most = (f"{each:.4g} {limit.unit}" for each in (limit.measured, limit.at_most))
         limits.add_row(limit.what, measured, at_most, "yes" if limit.holds else "NO")
     console.print(limits)
