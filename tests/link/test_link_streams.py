@@ -109,6 +109,28 @@ def test_a_tcp_vehicle_that_is_not_there_yet_is_waited_for_and_named() -> None:
     asyncio.run(scenario())
 
 
+def test_a_line_that_stays_down_is_tried_less_and_less_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    pauses_s: list[float] = []
+    sleep = asyncio.sleep
+
+    async def at_once(seconds: float) -> None:
+        if seconds >= 0.25:
+            pauses_s.append(seconds)
+        await sleep(0)
+
+    async def scenario() -> None:
+        async with tcp_vehicle() as (port, _):
+            pass
+        transport = StreamTransport(Endpoint("tcp", "127.0.0.1", port), lambda *_: None)
+        monkeypatch.setattr("hsop_gcs.link.streams.asyncio.sleep", at_once)
+        await transport.open()
+        await until(lambda: len(pauses_s) >= 8)
+        await transport.close()
+
+    asyncio.run(scenario())
+    assert pauses_s[:8] == [0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 8.0, 8.0]
+
+
 def test_a_tcp_vehicle_that_stops_reading_costs_frames_and_no_memory() -> None:
     async def scenario() -> None:
         waiting = asyncio.Event()
