@@ -243,7 +243,9 @@ def keeps_aim(q: Question, s: State, host: int) -> bool:
 def list_elements(q: Question, s: State, moving: Ints) -> Ints:
     """Return the costs and rules that the poses of moving hosts (marked 1) decide, costs first."""
     threats, hosts = s.pairs.shape[0], s.degree.shape[0]
-    most = threats * (1 + 12) + hosts * (threats + hosts + 3 + q.areas.shape[0]) + hosts * 4 * threats * threats
+    most = (
+        threats * (1 + 12) + hosts * (q.paths_m.shape[0] + hosts + 3 + q.areas.shape[0]) + hosts * 4 * threats * threats
+    )
     rows = np.zeros((most, 8), np.int64)
     m = 0
     for threat in range(threats):
@@ -285,7 +287,7 @@ def list_elements(q: Question, s: State, moving: Ints) -> Ints:
                             m += 1
         x, y, z = s.positions[host, 0], s.positions[host, 1], s.positions[host, 2]
         if q.whole_path:
-            for threat in range(threats):
+            for threat in range(q.paths_m.shape[0]):
                 a, b, c = path_offset(q.paths_m, threat, x, y, z)
                 if math.sqrt(a * a + b * b + c * c) < q.safety_m + NEAR_M:
                     rows[m, 0], rows[m, 1], rows[m, 2], rows[m, 3] = PATH, host, -1, threat

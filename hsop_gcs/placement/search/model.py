@@ -32,7 +32,7 @@ class Question(NamedTuple):
     points_m: Floats
     """(threats, 2, 3): where every threat is when the window opens and after the horizon."""
     paths_m: Floats
-    """(threats, 2, 3): the ends of the ways that hosts keep clear of: from now to the window's end."""
+    """(ways, 2, 3): the ends of the ways that hosts keep clear of, every threat's from now to the window's end."""
     weight: Floats
     range_m: Floats
     """(lenses, threats): how far each lens detects each threat on its boresight."""
@@ -319,7 +319,7 @@ def place_violation(q: Question, positions: Floats, host: int) -> float:
     """Return how far a host stands inside the safety zones around whole paths, and where it may not hover."""
     violation = 0.0
     if q.whole_path:
-        for threat in range(q.points_m.shape[0]):
+        for threat in range(q.paths_m.shape[0]):
             x, y, z = path_offset(q.paths_m, threat, positions[host, 0], positions[host, 1], positions[host, 2])
             violation += max(0.0, 1 - math.sqrt(x * x + y * y + z * z) / q.safety_m)
     return violation + trespass(q.sides_m, q.areas, positions[host, 0], positions[host, 1], positions[host, 2])

@@ -41,7 +41,7 @@ def keep_clear(q: Question, s: State, host: int) -> None:
     for _ in range(3):
         moved = False
         if q.whole_path:
-            for threat in range(q.points_m.shape[0]):
+            for threat in range(q.paths_m.shape[0]):
                 x, y, z = path_offset(
                     q.paths_m, threat, s.positions[host, 0], s.positions[host, 1], s.positions[host, 2]
                 )

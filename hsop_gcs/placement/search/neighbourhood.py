@@ -5,6 +5,7 @@ compile them once more.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -14,8 +15,9 @@ from hsop_gcs.placement.search.chance import below, uniform
 from hsop_gcs.placement.search.compiled import kernel
 from hsop_gcs.placement.search.model import Ints, Question, edge_energy
 from hsop_gcs.placement.search.moves import jump, keep_clear
+from hsop_gcs.placement.search.parts import groups, question_about
 from hsop_gcs.placement.search.polish import polish
-from hsop_gcs.placement.search.state import State, copy_state, refresh, set_view, totals
+from hsop_gcs.placement.search.state import State, copied, copy_state, new_state, refresh, set_view, totals
 
 POLISH_STEPS = 80
 STIFFNESS = 15.0
@@ -28,6 +30,13 @@ COOLEST, HOTTEST = -1.5, 0.0
 PROMISING = 0.02
 """What is annealed to within this share of its former cost is polished."""
 SAME_PLACE_M = 0.7
+JOINT = 0.5
+"""Share of the parts grown again that take another one beside them in."""
+GROWING_MOVES = 2_000
+"""For each of their threats."""
+
+Found = tuple[State, Sequence[int]]
+"""A placement and the numbers of the threats it has."""
 
 
 @kernel
@@ -138,10 +147,38 @@ def same_place(s: State, other: State) -> bool:
     return alike and bool(np.abs(s.positions - other.positions).max() < SAME_PLACE_M)
 
 
+def regrown(q: Question, s: State, reach_m: float, chance: Chance) -> Found:
+    """Anneal a part of ``s``, or two beside each other, from random poses, with as many hosts or one more or less."""
+    apart = list(groups(s))
+    threat = costlier(s, chance)
+    threats, hosts = apart.pop(next(n for n, (threats, _) in enumerate(apart) if threat in threats))
+    if apart and uniform(chance) < JOINT:
+        away = np.abs(q.points_m.mean(axis=1) - q.points_m[threat].mean(axis=0)).sum(axis=1)
+        beside, more = min(apart, key=lambda other: float(away[other[0]].min()))
+        threats, hosts = sorted(threats + beside), hosts + more
+    most = min(2 * len(threats), int(q.hosts_of_rig.sum()))
+    count = min(max(2, len(hosts) + below(chance, 3) - 1), most)
+    grown, trial = new_state(len(threats), count), new_state(len(threats), count)
+    fresh(question_about(q, threats), grown, trial, GROWING_MOVES * len(threats), 0.5, 1e-3, reach_m, chance)
+    return grown, threats
+
+
 def improve(
-    q: Question, s: State, trial: State, best: State, rounds: int, moves_per_host: int, reach_m: float, chance: Chance
+    q: Question,
+    s: State,
+    trial: State,
+    best: State,
+    rounds: int,
+    moves_per_host: int,
+    reach_m: float,
+    chance: Chance,
+    found: list[Found],
 ) -> int:
-    """Anneal neighbourhoods of ``s`` again, ``rounds`` times. Returns how many rounds helped."""
+    """Anneal neighbourhoods of ``s`` again, ``rounds`` times; whatever is polished goes to ``found`` too.
+
+    Returns how many rounds helped.
+    """
+    everything = range(s.pairs.shape[0])
     threats, hosts = s.pairs.shape[0], s.degree.shape[0]
     cost, violation = totals(q, s)
     helped = 0
@@ -168,6 +205,7 @@ def improve(
         if promising and not (violation <= 0 and new_cost >= cost and same_place(s, best)):
             polish(q, best, marks, POLISH_STEPS)
             new_cost, new_violation = totals(q, best)
+            found.append((copied(best), everything))
         if better(new_cost, new_violation, cost * (1 - 1e-9), violation):
             copy_state(best, s)
             cost, violation = new_cost, new_violation

@@ -135,7 +135,7 @@ def polish(q: Question, s: State, moving: Ints, steps: int) -> bool:
                         b = columns[m, w]
                         if b >= 0:
                             hessian[a, b] += stiff * gradients[m, v] * gradients[m, w]
-            if is_cost or z[m] > 1e-9 * scale:
+            if is_cost or z[m] > 1e-3 * scale:
                 for v in range(8):
                     a = columns[m, v]
                     if a < 0:

@@ -12,18 +12,19 @@ from hsop_gcs.placement.search.chance import State as Chance
 from hsop_gcs.placement.search.chance import seeded
 from hsop_gcs.placement.search.model import Question
 from hsop_gcs.placement.search.moves import keep_clear
-from hsop_gcs.placement.search.neighbourhood import fresh, improve, shake
+from hsop_gcs.placement.search.neighbourhood import Found, fresh, improve, regrown, shake
+from hsop_gcs.placement.search.parts import Parts
 from hsop_gcs.placement.search.state import State, copied, copy_state, new_state, refresh, totals
 
 LANES = 2
 POOL = 8
 STARTS = 2
 """Anneals from random poses in one task, of which the best is improved."""
-SHORTEST_START, MOVES_PER_THREAT = 8_000, 2_400
+SHORTEST_START, MOVES_PER_THREAT = 3_000, 2_400
 EVERY_LANE = -1
 RESTART_EVERY = 6
 """One lane starts afresh in every so many rounds."""
-TRIALS, TRIALS_AFTER_START, TRIALS_MEANWHILE = 8, 12, 20
+TRIALS, TRIALS_AFTER_START, TRIALS_MEANWHILE = 5, 4, 12
 """Neighbourhoods that are annealed again in one task, in about two hundredths of a second; while another starts afresh,
 as many as take the same time."""
 MOVES_PER_HOST = 500
@@ -74,6 +75,7 @@ class Course:
     def __init__(self, q: Question, n_hosts: int, seed: int) -> None:
         self.q, self.n_hosts, self.seed = q, n_hosts, seed
         self.pool = Pool()
+        self.parts = Parts(q)
         self.round = 0
         self._scratch = [[new_state(len(q.weight), n_hosts) for _ in range(3)] for _ in range(LANES)]
         self._warm = False
@@ -91,16 +93,28 @@ class Course:
         """Run one round; True if there is a new best."""
         results = list(executor.map(self._task, range(LANES)))
         self.round += 1
-        return any([self.pool.offer(self.q, state) for state in results])
+        before = self.pool.cost
+        for state, found in results:
+            self.pool.offer(self.q, state)
+            for part, threats in found:
+                self.parts.take(part, threats)
+        together = self.parts.combined(self.n_hosts, self.pool.cost)
+        if together is not None:
+            self.pool.offer(self.q, together)
+        return self.pool.cost < before
 
-    def _task(self, lane: int) -> State:
-        """Start afresh, or improve the best, or one of the others, as the course has it."""
+    def _task(self, lane: int) -> tuple[State, list[Found]]:
+        """Start afresh, or improve the best, or one of the others, as the course has it; then grow a part again.
+
+        Returns the state this comes to, and everything that was found on the way.
+        """
         state, trial, spare = self._scratch[lane]
         chance = seeded(self.seed, self.n_hosts, self.round, lane)
         states = self.pool.states
         starting = self._starting_lane()
+        found: list[Found] = []
         if not states or starting in (EVERY_LANE, lane):
-            self._start(state, trial, spare, chance)
+            self._start(state, trial, spare, chance, found)
             trials = TRIALS_AFTER_START
         elif self._warm and self.round == 0:
             trials = WARM_TRIALS
@@ -112,8 +126,10 @@ class Course:
             trials = TRIALS if starting is None else TRIALS_MEANWHILE
             choice = 0 if lane == 0 or self.round % 2 == 0 else (self.round // 2) % len(states)
             copy_state(states[choice], state)
-        improve(self.q, state, trial, spare, trials, MOVES_PER_HOST, REACH_M, chance)
-        return state
+        improve(self.q, state, trial, spare, trials, MOVES_PER_HOST, REACH_M, chance, found)
+        if self.round > 0:
+            found.append(regrown(self.q, state, REACH_M, chance))
+        return state, found
 
     @property
     def effort(self) -> int:
@@ -129,12 +145,13 @@ class Course:
         turn, step = divmod(self.round, RESTART_EVERY)
         return turn % LANES if step == RESTART_EVERY - 1 else None
 
-    def _start(self, state: State, trial: State, spare: State, chance: Chance) -> None:
+    def _start(self, state: State, trial: State, spare: State, chance: Chance, found: list[Found]) -> None:
         """Leave the best of some short anneals from random poses in ``state``."""
         least = (math.inf, math.inf)
         moves = max(SHORTEST_START, MOVES_PER_THREAT * len(self.q.weight))
         for _ in range(STARTS):
             fresh(self.q, spare, trial, moves, 0.5, 1e-3, REACH_M, chance)
+            found.append((copied(spare), range(len(self.q.weight))))
             cost, violation = totals(self.q, spare)
             if (violation, cost) < least:
                 least = (violation, cost)
