@@ -6,6 +6,7 @@ Position, attitude and gimbal arrive at rates of their own; each is a series, in
 import math
 from bisect import bisect_right
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from hsop_gcs.detections.detection import Reason, Unusable
 from hsop_gcs.geometry.frames import Aim, wrap_deg
@@ -137,12 +138,20 @@ def _angles_at(series: Series, time_s: float) -> tuple[Vector3, float]:
 
     Between samples an angle may have gone over at any moment: then it has mean ``share`` of the way and variance
     share (1 - share) times its square. Outside, it may have moved on as much as between the last two. While it turns,
-    a sample is as wrong as it is wrongly dated.
+    a sample is as wrong as it is wrongly dated. It turns as fast as in the fastest of this interval and those beside
+    it: a gimbal that turns back between two samples looks at rest there.
     """
     (began_s, first), (ended_s, second), share = _bracket(series, time_s)
-    steps = [wrap_deg(b - a) for a, b in zip(first, second, strict=True)]
+    steps = _steps(first, second)
     inside = min(max(share, 0.0), 1.0)
     variance = inside * (1 - inside) + min(abs(share - inside), 1.0)
     variance += (_DATED_S / max(ended_s - began_s, _SAME_SAMPLE_S)) ** 2
     x, y, z = (a + inside * step for a, step in zip(first, steps, strict=True))
-    return (x, y, z), math.sqrt(variance) * math.hypot(*steps)
+    place = bisect_right(series, began_s, key=_time)
+    nearby = series[max(place - 2, 0) : place + 2]
+    fastest_deg = max((math.hypot(*_steps(one, other)) for (_, one), (_, other) in pairwise(nearby)), default=0.0)
+    return (x, y, z), math.sqrt(variance) * fastest_deg
+
+
+def _steps(one: Vector3, other: Vector3) -> list[float]:
+    return [wrap_deg(b - a) for a, b in zip(one, other, strict=True)]

@@ -276,8 +276,8 @@ class Mission:
             unavailable = self.unavailable()
             self.sky.note(unavailable)
             movers = self.sky.movers(unavailable)
-            available = frozenset(mover.id for mover in movers)
-            reason = replan_reason(self.state.plans, tracks, available, now_s, self.state.rules.replanning)
+            rules = self.state.rules
+            reason = replan_reason(self.state.plans, tracks, movers, now_s, rules.replanning, rules.planning)
             if reason is not None:
                 standing = self.sky.standing(self.state, unavailable)
                 given = situation(self.state, movers, now_s, standing=standing)

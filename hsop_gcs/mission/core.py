@@ -47,12 +47,13 @@ from hsop_gcs.mission.state import (
     Autonomy,
     Plans,
     ready,
+    threat_of,
     with_decision,
     with_proposal_flying,
     with_proposal_refused,
     without_threats,
 )
-from hsop_gcs.placement.problem import Point, Threat
+from hsop_gcs.placement.problem import Point
 from hsop_gcs.tracks import Picture, Refusal, RefusalKind, Verdict, dismiss, prune, update
 
 
@@ -206,15 +207,7 @@ def situation(
     flying = mission.plans.flying
     return Situation(
         now_s=now_s,
-        threats=tuple(
-            Threat(
-                id=track.id,
-                position_m=track.position_at(now_s),
-                velocity_mps=track.velocity_mps if track.velocity_known else (0.0, 0.0, 0.0),
-                size_m=track.size_m,
-            )
-            for track in tracks
-        ),
+        threats=tuple(threat_of(track, now_s) for track in tracks),
         sigmas=tuple(
             Sigma(position_m=track.sigma_m, velocity_mps=track.velocity_sigma_mps if track.velocity_known else 0.0)
             for track in tracks

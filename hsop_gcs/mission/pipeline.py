@@ -7,6 +7,7 @@ picklable, because a decision is made in a worker process.
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import repeat
 from typing import Literal
 
 import numpy as np
@@ -16,7 +17,7 @@ from hsop_gcs.cameras.rig import CameraRig
 from hsop_gcs.fleet import FlightLimits
 from hsop_gcs.placement import place
 from hsop_gcs.placement.airspace import Airspace
-from hsop_gcs.placement.holding import held_over
+from hsop_gcs.placement.holding import held_over, why_broken
 from hsop_gcs.placement.objective import segment_distance
 from hsop_gcs.placement.problem import AvailableHost, Formulation, Objective, Problem, Threat
 from hsop_gcs.placement.reasons import out_of_sight
@@ -78,6 +79,9 @@ class Sigma:
     def after(self, time_s: float) -> float:
         """Return the position's so much later, metres."""
         return math.hypot(self.position_m, self.velocity_mps * time_s)
+
+
+_SURE = Sigma(position_m=0.0, velocity_mps=0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -178,7 +182,7 @@ def _decide_for(
     )
     decision = Decision(
         placement=placement,
-        threats=_predicted(situation, lead_s),
+        threats=_predicted(situation, rules, lead_s),
         window_start_s=situation.now_s + lead_s,
         reason=placement.reason,
         iterations=(placement.iterations,),
@@ -230,19 +234,48 @@ def _ordered(
     return replace(decision, placement=renamed(placement, flown_by), orders=orders)
 
 
+def why_over(
+    decision: Decision,
+    threats: tuple[Threat, ...],
+    movers: tuple[Mover, ...],
+    rules: PlanningRules,
+    *,
+    from_s: float,
+    until_s: float,
+) -> str | None:
+    """Return why a decision's hosts, hovering, cannot do what they were placed for; None if they can.
+
+    threats: those of the placement, where they are now; looked at from ``from_s`` until ``until_s`` from now, and for
+    their distance at once.
+    """
+    problem = Problem(
+        threats=tuple(replace(threat, position_m=threat.predicted_m(from_s)) for threat in threats),
+        hosts=_available(movers),
+        rig=rules.rig,
+        horizon_s=until_s - from_s,
+        safety_distance_m=rules.safety_distance_m,
+        formulation=rules.formulation,
+        lead_s=from_s,
+    )
+    return why_broken(decision.placement, problem)
+
+
+def _available(movers: tuple[Mover, ...]) -> tuple[AvailableHost, ...]:
+    return tuple(AvailableHost(id=mover.id, position_m=mover.position_m, rig=mover.rig) for mover in movers)
+
+
 def _problem(situation: Situation, rules: PlanningRules, lead_s: float) -> Problem:
+    threats = _predicted(situation, rules, lead_s)
     return Problem(
-        threats=_predicted(situation, lead_s),
-        hosts=tuple(
-            AvailableHost(id=mover.id, position_m=mover.position_m, rig=mover.rig) for mover in situation.movers
-        ),
+        threats=threats,
+        hosts=_available(situation.movers),
         rig=rules.rig,
         horizon_s=rules.horizon_s,
         safety_distance_m=rules.safety_distance_m + margin_m(rules, situation.sigmas),
         formulation=rules.formulation,
         objective=rules.objective,
         min_separation_m=rules.min_separation_m,
-        airspace=_airspace(situation, rules, lead_s),
+        airspace=_airspace(threats, rules),
         lead_s=lead_s,
         position_sigma_m=rules.host_position_sigma_m,
         attitude_sigma_rad=math.radians(rules.host_attitude_sigma_deg),
@@ -250,18 +283,31 @@ def _problem(situation: Situation, rules: PlanningRules, lead_s: float) -> Probl
     )
 
 
-def _predicted(situation: Situation, lead_s: float) -> tuple[Threat, ...]:
-    return tuple(replace(threat, position_m=threat.predicted_m(lead_s)) for threat in situation.threats)
+def _predicted(situation: Situation, rules: PlanningRules, lead_s: float) -> tuple[Threat, ...]:
+    """The threats at the start of the window.
+
+    A velocity counts for as long as its doubt comes to no more than the safety distance: what is known to 3 m/s takes
+    nobody 40 s ahead. Over a longer time a threat is planned for more slowly, as far as that.
+    """
+    predicted = []
+    for threat, sigma in zip(situation.threats, situation.sigmas or repeat(_SURE), strict=False):
+        counts_s = rules.safety_distance_m / max(sigma.velocity_mps, 1e-9)
+        share = min(1.0, counts_s / (lead_s + rules.horizon_s))
+        east, north, up = threat.velocity_mps
+        slowed = replace(threat, velocity_mps=(share * east, share * north, share * up))
+        predicted.append(replace(slowed, position_m=slowed.predicted_m(lead_s)))
+    return tuple(predicted)
 
 
 def _problem_in_sight(situation: Situation, rules: PlanningRules, lead_s: float) -> tuple[Problem, dict[str, str]]:
     """The problem without the threats that nobody can see, and why nobody can; all of them if there are no others."""
     problem = _problem(situation, rules, lead_s)
     left_out = out_of_sight(problem)
-    seen = tuple(threat for threat in situation.threats if threat.id not in left_out)
+    seen = [index for index, threat in enumerate(situation.threats) if threat.id not in left_out]
     if not seen or not left_out:
         return problem, {}
-    return _problem(replace(situation, threats=seen), rules, lead_s), left_out
+    threats, sigmas = (tuple(each[index] for index in seen if each) for each in (situation.threats, situation.sigmas))
+    return _problem(replace(situation, threats=threats, sigmas=sigmas), rules, lead_s), left_out
 
 
 def _too_near(
@@ -280,14 +326,14 @@ def _too_near(
     return None
 
 
-def _airspace(situation: Situation, rules: PlanningRules, lead_s: float) -> Airspace:
+def _airspace(threats: tuple[Threat, ...], rules: PlanningRules) -> Airspace:
     """Within the flight limits hosts keep to the altitudes of the threats.
 
     A coarse track's altitude is what is known least, and an image is less high than wide: a threat that is not where
     its track says leaves the picture soonest upwards or downwards, most easily when it is looked at steeply.
     """
     floor_m, ceiling_m = rules.limits.floor_m, rules.limits.ceiling_m
-    ups_m = [t.predicted_m(after_s)[2] for t in situation.threats for after_s in (lead_s, lead_s + rules.horizon_s)]
+    ups_m = [threat.predicted_m(after_s)[2] for threat in threats for after_s in (0.0, rules.horizon_s)]
     low_m, high_m = (min(max(up_m, floor_m), ceiling_m) for up_m in (min(ups_m), max(ups_m)))
     return replace(rules.airspace, floor_m=low_m, ceiling_m=high_m)
 
@@ -317,7 +363,11 @@ def _kept(situation: Situation, rules: PlanningRules, new: Decision) -> Decision
 
 def _held(flying: Placement, situation: Situation, rules: PlanningRules, lead_s: float) -> Placement | None:
     problem, left_out = _problem_in_sight(situation, rules, lead_s)
-    return None if _too_near(flying, situation, rules, lead_s, left_out) else held_over(flying, problem)
+    if _too_near(flying, situation, rules, lead_s, left_out):
+        return None
+    # what was planned a moment ago still holds when a threat has moved a little, or climbed
+    keeping = flight_rules(rules, situation.sigmas)
+    return held_over(flying, replace(problem, safety_distance_m=keeping.safety_distance_m, airspace=keeping.airspace))
 
 
 def _host_count(problem: Problem, rules: PlanningRules) -> int | None:

@@ -13,10 +13,15 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from hsop_gcs.assignment import Mover
 from hsop_gcs.detections.merging import is_only_seen
-from hsop_gcs.mission.pipeline import Decision, Sigma, Situation
+from hsop_gcs.mission.pipeline import Decision, PlanningRules, Sigma, Situation, why_over
+from hsop_gcs.placement.problem import Threat
 from hsop_gcs.tracks import Track, TrackStatus
 
+_LOOK_AHEAD_S = 5.0
+"""So long from now on, or once its hosts can be there, a plan has to do what it is for: a new one takes as long to
+carry out, and what is predicted for later will have changed by then."""
 _TRUSTED_S = 3.0
 """So long after it is made a plan is held against where threats are, not where they will be: hosts must get going."""
 
@@ -52,10 +57,10 @@ class Plan:
 class ReplanRules:
     """When a plan is due."""
 
-    horizon_s: float = 10.0
     departure_m: float = 5.0
     """A threat this far from its prediction has departed from it, on top of what is uncertain now and, until it is
-    known to this, of what was uncertain then."""
+    known to this, of what was uncertain then. A plan that a threat has departed from is over if its hosts would come
+    too near to a threat or not see it."""
     retry_s: float = 2.0
     """Between attempts while no plan can be made."""
     velocity_wait_s: float = 1.5
@@ -93,15 +98,20 @@ def ready(tracks: Iterable[Track], now_s: float, rules: ReplanRules) -> tuple[Tr
 
 
 def replan_reason(
-    plans: Plans, tracks: tuple[Track, ...], available: frozenset[str], now_s: float, rules: ReplanRules
+    plans: Plans,
+    tracks: tuple[Track, ...],
+    movers: tuple[Mover, ...],
+    now_s: float,
+    rules: ReplanRules,
+    planning: PlanningRules,
 ) -> str | None:
-    """Return why a new plan is due now, for a person, or None."""
+    """Return why a new plan is due now, for a person, or None. movers: the hosts that can be sent."""
     if not tracks:
         return None
     newest = plans.newest
     if newest is None:
         return f"threat {tracks[0].id} appeared"
-    planned = {threat.id: threat for threat in newest.decision.threats}
+    planned = {threat.id for threat in newest.decision.threats}
     if newest is plans.failed:
         # one that could not be flown any more was good a moment ago: the next one may be
         due_s = newest.made_at_s + (0.0 if newest.decision.orders else rules.retry_s)
@@ -112,28 +122,58 @@ def replan_reason(
     for threat_id in planned:
         if threat_id not in {track.id for track in tracks}:
             return f"threat {threat_id} left"
-    moments = [(now_s, "is")]
-    if now_s > newest.made_at_s + _TRUSTED_S:
-        moments += [(max(now_s, newest.decision.window_start_s), "will be"), (newest.expires_at_s, "will be")]
-    for track in tracks:
-        before, now = newest.sigmas[track.id], Sigma(position_m=track.sigma_m, velocity_mps=track.velocity_sigma_mps)
-        is_known = now.position_m < rules.departure_m
-        for at_s, verb in moments:
-            predicted_m = planned[track.id].predicted_m(at_s - newest.decision.window_start_s)
-            departed_m = math.dist(predicted_m, track.position_at(at_s))
-            doubt_m = now.after(at_s - track.time_s)
-            if not is_known:
-                doubt_m = math.hypot(doubt_m, before.after(at_s - newest.asked_at_s))
-            if departed_m > rules.departure_m + 3 * doubt_m:
-                return f"threat {track.id} {verb} {departed_m:.0f} m from its prediction"
-    if newest.decision.left_out and now_s > newest.made_at_s + rules.horizon_s:
+    departed = next((why for track in tracks if (why := _departed(newest, track, now_s, rules)) is not None), None)
+    if departed is not None and (over := _over(newest, tracks, movers, now_s, planning)) is not None:
+        return f"{departed}: {over}"
+    if newest.decision.left_out and now_s > newest.made_at_s + planning.horizon_s:
         return f"threat {next(iter(newest.decision.left_out))} was left out"
+    available = {mover.id for mover in movers}
     for order in newest.decision.orders:
         if order.host not in available:
             return f"host {order.host} is not available any more"
     if now_s > newest.expires_at_s:
         return "the horizon has run out"
     return None
+
+
+def threat_of(track: Track, now_s: float) -> Threat:
+    """Return the track as planning sees it: where it is now, at rest while its velocity is not known."""
+    return Threat(
+        id=track.id,
+        position_m=track.position_at(now_s),
+        velocity_mps=track.velocity_mps if track.velocity_known else (0.0, 0.0, 0.0),
+        size_m=track.size_m,
+    )
+
+
+def _departed(plan: Plan, track: Track, now_s: float, rules: ReplanRules) -> str | None:
+    """Say how far a threat is, or will be, from where the plan expects it; None if that is within what is uncertain."""
+    planned = next(threat for threat in plan.decision.threats if threat.id == track.id)
+    moments = [(now_s, "is")]
+    if now_s > plan.made_at_s + _TRUSTED_S:
+        moments += [(max(now_s, plan.decision.window_start_s), "will be"), (plan.expires_at_s, "will be")]
+    before, now = plan.sigmas[track.id], Sigma(position_m=track.sigma_m, velocity_mps=track.velocity_sigma_mps)
+    is_known = now.position_m < rules.departure_m
+    for at_s, verb in moments:
+        predicted_m = planned.predicted_m(at_s - plan.decision.window_start_s)
+        departed_m = math.dist(predicted_m, track.position_at(at_s))
+        doubt_m = now.after(at_s - track.time_s)
+        if not is_known:
+            doubt_m = math.hypot(doubt_m, before.after(at_s - plan.asked_at_s))
+        if departed_m > rules.departure_m + 3 * doubt_m:
+            return f"threat {track.id} {verb} {departed_m:.0f} m from its prediction"
+    return None
+
+
+def _over(
+    plan: Plan, tracks: tuple[Track, ...], movers: tuple[Mover, ...], now_s: float, planning: PlanningRules
+) -> str | None:
+    """Say why the plan cannot do any more what it is for; None if it can, in spite of what has departed from it."""
+    if {track.id for track in tracks} != {pair.threat for pair in plan.decision.placement.pairs}:
+        return "not all threats are seen"
+    from_s = max(plan.decision.window_start_s - now_s, 0.0)
+    threats = tuple(threat_of(track, now_s) for track in tracks)
+    return why_over(plan.decision, threats, movers, planning, from_s=from_s, until_s=from_s + _LOOK_AHEAD_S)
 
 
 def with_decision(

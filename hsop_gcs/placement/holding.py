@@ -7,12 +7,20 @@ import numpy as np
 from hsop_gcs.cameras.rig import CameraKind, CameraRig
 from hsop_gcs.geometry.frames import aim_at, aim_between
 from hsop_gcs.placement.answer import valued
-from hsop_gcs.placement.objective import FloatArray, margins, threat_points_m
+from hsop_gcs.placement.objective import FloatArray, Views, margins, threat_points_m
 from hsop_gcs.placement.problem import Formulation, Point, Problem
 from hsop_gcs.placement.solution import HoverPose, Placement
 
 _TOLERANCE = 1e-6
 _CONE_STEPS = 12
+_BROKEN = {
+    "distance_m": "too near to a hover point",
+    "pixels": "too far from a camera",
+    "fov_deg": "out of a camera's view",
+    "image_deg": "out of a camera's view",
+    "gimbal_deg": "where a gimbal cannot look",
+}
+"""What threats can break, by the margin that tells it."""
 
 
 def held_over(placement: Placement, problem: Problem) -> Placement | None:
@@ -23,13 +31,26 @@ def held_over(placement: Placement, problem: Problem) -> Placement | None:
     """
     if {pair.threat for pair in placement.pairs} != {threat.id for threat in problem.threats}:
         return None
-    points = {threat.id: at for threat, at in zip(problem.threats, threat_points_m(problem), strict=True)}
-    hosts = tuple(_turned(pose, placement, points, problem.rig_of(pose.host)) for pose in placement.hosts)
-    views = {pair.threat: pair.views for pair in placement.pairs}
+    hosts, views = _looking(placement, problem)
     if margins(problem, hosts, views).smallest < -_TOLERANCE:
         return None
     held = valued(problem, hosts, views)
     return replace(held, method=placement.method, seed=placement.seed, iterations=placement.iterations)
+
+
+def why_broken(placement: Placement, problem: Problem) -> str | None:
+    """Return where, for a person, the problem's threats are when their hosts cannot do any more what they were placed
+    for; None if they can. The problem has the threats of the placement.
+    """
+    slack = margins(problem, *_looking(placement, problem))
+    return next((where for name, where in _BROKEN.items() if getattr(slack, name) < -_TOLERANCE), None)
+
+
+def _looking(placement: Placement, problem: Problem) -> tuple[tuple[HoverPose, ...], Views]:
+    """The placement's hosts with their cameras turned to the problem's threats, and what they see."""
+    points = {threat.id: at for threat, at in zip(problem.threats, threat_points_m(problem), strict=True)}
+    hosts = tuple(_turned(pose, placement, points, problem.rig_of(pose.host)) for pose in placement.hosts)
+    return hosts, {pair.threat: pair.views for pair in placement.pairs}
 
 
 def _turned(pose: HoverPose, placement: Placement, points: dict[str, tuple[Point, Point]], rig: CameraRig) -> HoverPose:

@@ -150,7 +150,7 @@ class Settings(Section):
             autonomy=self.service.autonomy,
             planning=self.to_planning_rules(),
             tracks=TrackRules(**self.tracks.model_dump()),
-            replanning=ReplanRules(horizon_s=self.planning.horizon_s, departure_m=self.planning.departure_m),
+            replanning=ReplanRules(departure_m=self.planning.departure_m),
         )
 
 

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from hsop_gcs.assignment import HostOrder
+from hsop_gcs.assignment import HostOrder, Mover
+from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.detections.merging import SOURCE
 from hsop_gcs.mission.core import MissionState, apply
 from hsop_gcs.mission.inputs import ProposalRefused
-from hsop_gcs.mission.pipeline import Decision, Sigma, Situation
+from hsop_gcs.mission.pipeline import Decision, PlanningRules, Sigma, Situation
 from hsop_gcs.mission.records import from_record, to_record
 from hsop_gcs.mission.state import (
     Plans,
@@ -19,13 +20,18 @@ from hsop_gcs.mission.state import (
     with_proposal_flying,
 )
 from hsop_gcs.placement.problem import Formulation, Objective, Point, Threat
-from hsop_gcs.placement.solution import Placement, Status
+from hsop_gcs.placement.solution import HoverPose, Placement, Status, ThreatPair, View
 from hsop_gcs.reports import Report
 from hsop_gcs.tracks import Track, TrackRules, TrackStatus
 from hsop_gcs.tracks.lifecycle import begin
 
-RULES = ReplanRules(horizon_s=10.0, departure_m=5.0)
-HOSTS = frozenset({"h1", "h2"})
+RULES = ReplanRules(departure_m=5.0)
+PLANNING = PlanningRules(horizon_s=10.0)
+HOSTS = tuple(Mover(id=host, position_m=(0.0, 0.0, 40.0), speed_mps=8.0) for host in ("h1", "h2"))
+
+
+def due(plans: Plans, tracks: tuple[Track, ...], movers: tuple[Mover, ...], now_s: float) -> str | None:
+    return replan_reason(plans, tracks, movers, now_s, RULES, PLANNING)
 
 
 def track(name: str, time_s: float, east: float, velocity: Point | None = (1.0, 0.0, 0.0)) -> Track:
@@ -35,9 +41,22 @@ def track(name: str, time_s: float, east: float, velocity: Point | None = (1.0, 
 
 
 def decision(*threats: Threat, orders: bool = True) -> Decision:
-    made = tuple(HostOrder(host=host, position_m=(0, 0, 40), heading_deg=0, aim=None, views=()) for host in HOSTS)
-    status = Status.FEASIBLE if orders else Status.INFEASIBLE
-    placement = Placement(status=status, formulation=Formulation.OPERATIONAL, objective=Objective.LETTER)
+    """Two hosts look at all threats with their central cameras, from 25 m beside a path that leads east at 40 m."""
+    poses = tuple(
+        HoverPose(host=host, position_m=(-10.0, north, 40.0), heading_deg=0.0, pan_deg=90.0)
+        for host, north in (("h1", -25.0), ("h2", 25.0))
+    )
+    views = (View(host="h1", camera=CameraKind.CENTRAL), View(host="h2", camera=CameraKind.CENTRAL))
+    made = tuple(
+        HostOrder(host=pose.host, position_m=pose.position_m, heading_deg=0, aim=None, views=()) for pose in poses
+    )
+    placement = Placement(
+        status=Status.FEASIBLE if orders else Status.INFEASIBLE,
+        formulation=Formulation.OPERATIONAL,
+        objective=Objective.LETTER,
+        hosts=poses,
+        pairs=tuple(ThreatPair(threat=threat.id, views=views, cost=1.0) for threat in threats),
+    )
     return Decision(
         placement=placement,
         threats=threats,
@@ -66,16 +85,16 @@ def planned(orders: bool = True, sigma_m: float = 0.5) -> Plans:
 
 
 def test_a_first_threat_asks_for_a_plan() -> None:
-    assert replan_reason(Plans(), (track("t1", 100, 0),), HOSTS, 100.0, RULES) == "threat t1 appeared"
+    assert due(Plans(), (track("t1", 100, 0),), HOSTS, 100.0) == "threat t1 appeared"
 
 
 def test_without_threats_there_is_nothing_to_plan() -> None:
-    assert replan_reason(planned(), (), HOSTS, 200.0, RULES) is None
+    assert due(planned(), (), HOSTS, 200.0) is None
 
 
 def test_a_threat_that_keeps_to_its_prediction_asks_for_nothing() -> None:
     for now_s in (100.0, 107.0, 114.9):
-        assert replan_reason(planned(), (track("t1", now_s, now_s - 100.0),), HOSTS, now_s, RULES) is None
+        assert due(planned(), (track("t1", now_s, now_s - 100.0),), HOSTS, now_s) is None
 
 
 @pytest.mark.parametrize(
@@ -83,13 +102,19 @@ def test_a_threat_that_keeps_to_its_prediction_asks_for_nothing() -> None:
     [
         ((track("t1", 108, 8), track("t2", 108, 50)), HOSTS, 108.0, "threat t2 appeared"),
         ((track("t2", 108, 50),), HOSTS, 108.0, "threat t2 appeared"),
-        ((track("t1", 108, 20),), HOSTS, 108.0, "threat t1 is 12 m from its prediction"),
+        ((track("t1", 108, 20),), HOSTS, 108.0, "threat t1 is 12 m from its prediction: too far from a camera"),
         ((track("t1", 116, 16),), HOSTS, 116.0, "the horizon has run out"),
-        ((track("t1", 108, 8),), frozenset({"h1"}), 108.0, "host h2 is not available any more"),
+        ((track("t1", 108, 8),), HOSTS[:1], 108.0, "host h2 is not available any more"),
     ],
 )
-def test_a_plan_is_due_when(tracks: tuple[Track, ...], hosts: frozenset[str], now_s: float, reason: str) -> None:
-    assert replan_reason(planned(), tracks, hosts, now_s, RULES) == reason
+def test_a_plan_is_due_when(tracks: tuple[Track, ...], hosts: tuple[Mover, ...], now_s: float, reason: str) -> None:
+    assert due(planned(), tracks, hosts, now_s) == reason
+
+
+def test_a_plan_that_a_threat_departs_from_goes_on_while_its_hosts_can_do_what_they_are_for() -> None:
+    assert due(planned(), (track("t1", 108, 0),), HOSTS, 108.0) is None
+    reason = "threat t1 is 23 m from its prediction: too near to a hover point"
+    assert due(planned(), (track("t1", 108, -15, velocity=(0.0, 2.0, 0.0)),), HOSTS, 108.0) == reason
 
 
 def test_a_threat_that_left_asks_for_a_plan_without_it() -> None:
@@ -98,13 +123,13 @@ def test_a_threat_that_left_asks_for_a_plan_without_it() -> None:
         Threat(id="t2", position_m=(90.0, 0.0, 40.0)),
     )
     state = with_decision(Plans(), both, asked=asked(*both.threats), trigger="", now_s=100.0, horizon_s=10.0)
-    assert replan_reason(state, (track("t1", 101, 1),), HOSTS, 101.0, RULES) == "threat t2 left"
+    assert due(state, (track("t1", 101, 1),), HOSTS, 101.0) == "threat t2 left"
 
 
 def test_a_coarse_report_off_by_its_own_sigma_is_no_departure() -> None:
     report = Report(source="r", threat_id="t1", time_s=108.0, position_m=(20.0, 0.0, 40.0), sigma_m=5.0)
     coarse = begin("t1", report, now_s=108.0, rules=TrackRules())
-    assert replan_reason(planned(), (coarse,), HOSTS, 108.0, RULES) is None
+    assert due(planned(), (coarse,), HOSTS, 108.0) is None
 
 
 def test_a_plan_is_due_when_a_velocity_becomes_known_that_it_was_not_made_for() -> None:
@@ -114,25 +139,25 @@ def test_a_plan_is_due_when_a_velocity_becomes_known_that_it_was_not_made_for() 
             threat_id="t1",
             time_s=106.0,
             position_m=(6.0, 0.0, 40.0),
-            velocity_mps=(1.0, 0.0, 2.0),
+            velocity_mps=(1.0, 0.0, 6.0),
             sigma_m=0.5,
             velocity_sigma_mps=velocity_sigma_mps,
         )
         return begin("t1", report, now_s=106.0, rules=TrackRules())
 
-    reason = "threat t1 will be 18 m from its prediction"
-    assert replan_reason(planned(), (climbing(0.2),), HOSTS, 106.0, RULES) == reason
-    assert replan_reason(planned(), (climbing(3.0),), HOSTS, 106.0, RULES) is None
+    reason = "threat t1 will be 54 m from its prediction: too far from a camera"
+    assert due(planned(), (climbing(0.2),), HOSTS, 106.0) == reason
+    assert due(planned(), (climbing(3.0),), HOSTS, 106.0) is None
 
 
 def test_a_plan_for_a_coarse_track_waits_until_it_is_known_well() -> None:
     coarse = planned(sigma_m=15.0)
     report = Report(source="r", threat_id="t1", time_s=104.0, position_m=(20.0, 0.0, 40.0), sigma_m=10.0)
     still_coarse = begin("t1", report, now_s=104.0, rules=TrackRules())
-    assert replan_reason(coarse, (still_coarse,), HOSTS, 104.0, RULES) is None
+    assert due(coarse, (still_coarse,), HOSTS, 104.0) is None
     known = (track("t1", 108, 20),)
-    assert replan_reason(coarse, known, HOSTS, 108.0, RULES) == "threat t1 is 12 m from its prediction"
-    assert replan_reason(coarse, (track("t1", 108, 8),), HOSTS, 108.0, RULES) is None
+    assert due(coarse, known, HOSTS, 108.0) == "threat t1 is 12 m from its prediction: too far from a camera"
+    assert due(coarse, (track("t1", 108, 8),), HOSTS, 108.0) is None
 
 
 def test_a_decision_that_keeps_the_flying_plan_gives_it_more_time() -> None:
@@ -147,8 +172,8 @@ def test_after_a_failure_the_next_try_waits() -> None:
     failed = planned(orders=False)
     assert failed.failed is not None
     assert failed.proposed is None
-    assert replan_reason(failed, (track("t1", 101, 1),), HOSTS, 101.0, RULES) is None
-    assert replan_reason(failed, (track("t1", 102, 2),), HOSTS, 102.1, RULES) == "no plan yet"
+    assert due(failed, (track("t1", 101, 1),), HOSTS, 101.0) is None
+    assert due(failed, (track("t1", 102, 2),), HOSTS, 102.1) == "no plan yet"
 
 
 def test_an_approved_plan_flies_and_a_failure_after_it_leaves_it_flying() -> None:
@@ -173,7 +198,7 @@ def test_a_proposal_that_cannot_fly_any_more_is_over_and_another_one_is_made() -
     assert after.proposed is None
     assert after.failed is not None
     assert after.failed.decision.reason == "host h2 has no way"
-    assert replan_reason(after, (track("t1", 103, 3),), HOSTS, 103.1, RULES) == "no plan yet"
+    assert due(after, (track("t1", 103, 3),), HOSTS, 103.1) == "no plan yet"
 
 
 def test_nothing_to_approve_is_a_caller_s_mistake() -> None:
