@@ -306,7 +306,8 @@ def _problem_in_sight(situation: Situation, rules: PlanningRules, lead_s: float)
     seen = [index for index, threat in enumerate(situation.threats) if threat.id not in left_out]
     if not seen or not left_out:
         return problem, {}
-    threats, sigmas = (tuple(each[index] for index in seen if each) for each in (situation.threats, situation.sigmas))
+    threats = tuple(situation.threats[index] for index in seen)
+    sigmas = tuple(situation.sigmas[index] for index in seen if situation.sigmas)
     return _problem(replace(situation, threats=threats, sigmas=sigmas), rules, lead_s), left_out
 
 
