@@ -277,7 +277,8 @@ class Mission:
             self.sky.note(unavailable)
             movers = self.sky.movers(unavailable)
             rules = self.state.rules
-            reason = replan_reason(self.state.plans, tracks, movers, now_s, rules.replanning, rules.planning)
+            waiting = [host for host, each in self.state.progress.items() if each.status is OrderStatus.WAITING]
+            reason = replan_reason(self.state.plans, tracks, movers, now_s, rules.replanning, rules.planning, waiting)
             if reason is not None:
                 standing = self.sky.standing(self.state, unavailable)
                 given = situation(self.state, movers, now_s, standing=standing)

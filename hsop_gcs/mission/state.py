@@ -104,8 +104,12 @@ def replan_reason(
     now_s: float,
     rules: ReplanRules,
     planning: PlanningRules,
+    waiting: Iterable[str] = (),
 ) -> str | None:
-    """Return why a new plan is due now, for a person, or None. movers: the hosts that can be sent."""
+    """Return why a new plan is due now, for a person, or None.
+
+    movers: the hosts that can be sent. waiting: those that have not been able to depart, or not again.
+    """
     if not tracks:
         return None
     newest = plans.newest
@@ -131,6 +135,9 @@ def replan_reason(
     for order in newest.decision.orders:
         if order.host not in available:
             return f"host {order.host} is not available any more"
+    if newest is plans.flying and now_s > newest.decision.window_start_s:
+        for host in waiting:
+            return f"host {host} should be there and still waits to depart"
     if now_s > newest.expires_at_s:
         return "the horizon has run out"
     return None

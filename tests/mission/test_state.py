@@ -117,6 +117,13 @@ def test_a_plan_that_a_threat_departs_from_goes_on_while_its_hosts_can_do_what_t
     assert due(planned(), (track("t1", 108, -15, velocity=(0.0, 2.0, 0.0)),), HOSTS, 108.0) == reason
 
 
+def test_a_plan_is_due_when_its_hosts_should_be_there_and_one_has_not_been_able_to_depart() -> None:
+    flying, tracks = with_proposal_flying(planned()), (track("t1", 106, 6),)
+    assert replan_reason(flying, tracks, HOSTS, 104.0, RULES, PLANNING, ["h2"]) is None
+    reason = "host h2 should be there and still waits to depart"
+    assert replan_reason(flying, tracks, HOSTS, 106.0, RULES, PLANNING, ["h2"]) == reason
+
+
 def test_a_threat_that_left_asks_for_a_plan_without_it() -> None:
     both = decision(
         Threat(id="t1", position_m=(5.0, 0.0, 40.0), velocity_mps=(1.0, 0.0, 0.0)),
