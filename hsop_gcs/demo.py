@@ -195,7 +195,7 @@ class _DemoConsole:
     async def take_off(self) -> None:
         """Bring the fleet into the air."""
         self._begin("waiting for the hosts' links")
-        await self._until(lambda host: host["position"] is not None and host["in_air"] is not None)
+        await self._until(lambda host: host["unavailable_reason"] == "the vehicle is not armed")
         self._begin(f"ordering take-off to {TAKE_OFF_M:.0f} m")
         await self._post("/api/v1/hosts/take-off", {"altitude_m": TAKE_OFF_M})
         await self._until(lambda host: host["available"] and host["position_enu_m"][2] > TAKE_OFF_M - 2.0)

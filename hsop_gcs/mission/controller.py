@@ -27,7 +27,7 @@ from hsop_gcs.link.tlog import TlogWriter
 from hsop_gcs.link.vehicle import Vehicle
 from hsop_gcs.mission.commander import Commander
 from hsop_gcs.mission.core import MissionState, Wish, apply, situation, take_rays, take_reports
-from hsop_gcs.mission.departures import departures
+from hsop_gcs.mission.departures import departures, why_grounded
 from hsop_gcs.mission.dispatch import OrderStatus
 from hsop_gcs.mission.gates import Closed
 from hsop_gcs.mission.inputs import (
@@ -176,8 +176,15 @@ class Mission:
         return plan
 
     def take_off(self, altitude_m: float, host_ids: Iterable[str] | None = None) -> list[str]:
-        """Order hosts into the air, ``altitude_m`` above their homes; return their ids. Only an operator does this."""
-        hosts = self._hosts(host_ids)
+        """Order hosts into the air, ``altitude_m`` above their homes; return their ids. Only an operator does this.
+
+        Raises Refused, and nobody takes off, if one of them does not pass a gate.
+        """
+        hosts, now_s = self._hosts(host_ids), self.clock()
+        for host in hosts:
+            at = why_grounded(host, altitude_m, self.state, self.sky, now_s)
+            if at is not None:
+                raise Refused(f"host {host.id} does not take off, gate {at.gate}: {at.reason}")
         names = tuple(host.id for host in hosts)
         for host in hosts:
             self.link.take_off(host.system_id, altitude_m)

@@ -50,7 +50,11 @@ class Closed:
     reason: str
 
 
-def mode(aircraft: Aircraft, _limits: FlightLimits) -> str | None:
+ON_THE_GROUND = frozenset({"armed", "in air", "mode"})
+"""Gates that a host passes by taking off. They are asked last: who stands at one of them could take off."""
+
+
+def mode(aircraft: Aircraft) -> str | None:
     return None if aircraft.obeys else f"somebody else flies it (mode {aircraft.state.mode}); hold it to take it over"
 
 
@@ -95,15 +99,12 @@ def closed(
     aircraft: Aircraft, limits: FlightLimits, airspace: Airspace, ahead_m: tuple[Point, ...] = ()
 ) -> Closed | None:
     """Return the first gate that the host does not pass; None: it can be sent. ahead_m: what it has still to fly."""
-    for name, gate in ready.GATES.items():
-        reason = gate(aircraft.state, aircraft.now_s)
-        if reason is not None:
-            return Closed(gate=name, reason=reason)
-    own = {
-        "mode": mode(aircraft, limits),
+    reasons = {name: gate(aircraft.state, aircraft.now_s) for name, gate in ready.GATES.items()} | {
         "battery": battery(aircraft, limits),
         "link reserve": link_reserve(aircraft, limits),
         "fence": fence(aircraft, airspace, ahead_m),
         "keep-out": keep_out(aircraft, airspace, ahead_m),
+        "mode": mode(aircraft),
     }
-    return next((Closed(gate=name, reason=reason) for name, reason in own.items() if reason is not None), None)
+    asked = sorted(reasons.items(), key=lambda gate: gate[0] in ON_THE_GROUND)
+    return next((Closed(gate=name, reason=reason) for name, reason in asked if reason is not None), None)

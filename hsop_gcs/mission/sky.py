@@ -83,6 +83,15 @@ class Sky:
             blocked=blocked,
         )
 
+    def above_home_m(self, host: Host, altitude_m: float) -> Point:
+        """Return the point straight over a host at an altitude above its home; both must be known."""
+        state = self._link.vehicles[host.system_id].state
+        assert state.position is not None
+        assert state.home is not None
+        east, north, _ = self._site.frame.to_enu(state.position).tolist()
+        _, _, home_m = self._site.frame.to_enu(state.home).tolist()
+        return east, north, home_m + altitude_m
+
     def hosts_m(self) -> dict[str, Point]:
         """Return where our own aircraft are, as far as they are heard."""
         places = {host_id: aircraft.position_m for host_id, aircraft in self.aircraft().items()}

@@ -13,6 +13,7 @@ from hsop_gcs.link.messages import (
     Attitude,
     BatteryStatus,
     CommandLong,
+    EkfStatusReport,
     ExtendedSysState,
     GimbalDeviceAttitudeStatus,
     GimbalManagerInformation,
@@ -159,6 +160,25 @@ def test_a_battery_that_says_minus_one_says_nothing() -> None:
     telemetry.receive(BatteryStatus(battery_remaining=80), 0.0)
     telemetry.receive(SysStatus(battery_remaining=-1), 0.0)
     assert telemetry.state.battery_percent == 80.0
+
+
+@pytest.mark.parametrize(
+    ("flags", "landed_state", "healthy"),
+    [
+        (895, MavLandedState.IN_AIR, True),
+        (1023, MavLandedState.ON_GROUND, True),
+        (1023, MavLandedState.IN_AIR, False),
+        (167, MavLandedState.ON_GROUND, False),
+    ],
+    ids=["flying", "px4 at rest", "holding a position it made up", "ardupilot without satellites"],
+)
+def test_a_constant_position_is_no_fault_of_an_estimator_that_rests_on_the_ground(
+    flags: int, landed_state: MavLandedState, healthy: bool
+) -> None:
+    telemetry = Telemetry(1)
+    telemetry.receive(ExtendedSysState(landed_state=landed_state), 0.0)
+    telemetry.receive(EkfStatusReport(flags=flags), 0.0)
+    assert telemetry.state.estimator_healthy is healthy
 
 
 def test_the_prearm_bit_counts_only_where_it_is_present() -> None:

@@ -6,11 +6,15 @@ the same answer.
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from hsop_gcs.assignment import HostOrder
+from hsop_gcs.errors import Refused
+from hsop_gcs.fleet import FlightLimits
 from hsop_gcs.geometry.frames import Aim
 from hsop_gcs.journal import Journal
 from hsop_gcs.link.events import CommandFinished
@@ -20,6 +24,7 @@ from hsop_gcs.mission.inputs import HostSetAside, HostStopped, Rules, WishLapsed
 from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation
 from hsop_gcs.mission.records import recover
 from hsop_gcs.mission.state import Autonomy
+from hsop_gcs.placement.airspace import Airspace, KeepOut
 from hsop_gcs.placement.problem import Formulation, Objective, Point
 from hsop_gcs.placement.solution import Placement, Status
 from hsop_gcs.simulator.battery import BatteryConfig
@@ -71,11 +76,13 @@ def flown(
     truth: Truth = FAR,
     solve_s: float = 0.5,
     attempts: int = 3,
+    planning: PlanningRules | None = None,
     battery: BatteryConfig | None = None,
     journal: Journal | None = None,
     recovered: MissionState | None = None,
 ) -> Mission:
-    rules = Rules(autonomy=Autonomy.AUTO, planning=PlanningRules(horizon_s=60.0), attempts=attempts)
+    planning = planning or PlanningRules(horizon_s=60.0)
+    rules = Rules(autonomy=Autonomy.AUTO, planning=planning, attempts=attempts)
     flight = Flight(
         truth=truth,
         hosts=hosts,
@@ -153,13 +160,69 @@ def test_nobody_takes_off_unless_an_operator_says_so() -> None:
         if moment.time_s < 15.0:
             assert not any(state.armed or state.in_air for state in states)
         elif moment.time_s == pytest.approx(15.0, abs=0.01):
-            assert mission.sky.closings["armed"] == 2
+            assert {host: at.gate for host, at in mission.unavailable().items()} == {"h1": "armed", "h2": "armed"}
             assert mission.state.plans.flying is None
             mission.take_off(20.0, ["h1"])
 
     mission = flown(watch, duration_s=32.0, altitude_m=0.0)
     in_air = {host.id: mission.vehicle(host).state.in_air for host in mission.fleet.hosts}
     assert in_air == {"h1": True, "h2": False}
+
+
+AWAY = KeepOut(polygon=((-5.0, -5.0), (5.0, -5.0), (5.0, 5.0), (-5.0, 5.0)))
+OVERHEAD = straight([TrueState(id="t1", position_m=(8.0, -6.0, 20.0), velocity_mps=(0.0, 0.0, 0.0), size_m=1.0)])
+
+
+@STACKS
+@pytest.mark.parametrize(
+    ("world", "gate", "reason"),
+    [
+        ({"battery": BatteryConfig(percent=15.0)}, "battery", "15 % left"),
+        ({"faults": (parse_fault("h1:link-cut@6", 2),)}, "link", "no link"),
+        ({"faults": (parse_fault("h1:gps-lost@6", 2),)}, "position", ""),
+        ({"planning": PlanningRules(airspace=Airspace(inside=(((50, 50), (90, 50), (90, 90)),)))}, "fence", "outside"),
+        ({"planning": PlanningRules(airspace=Airspace(keep_outs=(AWAY,)))}, "keep-out", "inside"),
+        ({"planning": PlanningRules(airspace=Airspace(keep_outs=(replace(AWAY, floor_m=10),)))}, "climb", "keep-out"),
+        ({"planning": PlanningRules(limits=FlightLimits(ceiling_m=15.0))}, "ceiling", "20 m above the origin is over"),
+        ({"truth": OVERHEAD}, "climb", "from threat"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_nobody_takes_off_unless_all_pass_their_gates(
+    autopilot: Autopilot, world: dict[str, Any], gate: str, reason: str
+) -> None:
+    refusals: list[str] = []
+
+    def watch(moment: Moment) -> None:
+        if moment.time_s == pytest.approx(12.0, abs=0.01):
+            with pytest.raises(Refused) as refused:
+                moment.mission.take_off(20.0)
+            refusals.append(str(refused.value))
+
+    mission = flown(watch, duration_s=16.0, altitude_m=0.0, autopilot=autopilot, **world)
+    (told,) = refusals
+    assert told.startswith(f"host h1 does not take off, gate {gate}")
+    assert reason in told
+    assert not any(mission.vehicle(host).state.armed for host in mission.fleet.hosts)
+
+
+def test_nobody_climbs_past_a_host_in_the_air_and_nobody_takes_off_twice() -> None:
+    refusals: list[str] = []
+
+    def watch(moment: Moment) -> None:
+        if moment.time_s == pytest.approx(5.0, abs=0.01):
+            assert moment.mission.take_off(20.0, ["h1"]) == ["h1"]
+        elif moment.time_s == pytest.approx(28.0, abs=0.01):
+            for host in ("h1", "h2"):
+                with pytest.raises(Refused) as refused:
+                    moment.mission.take_off(20.0, [host])
+                refusals.append(str(refused.value))
+
+    flown(watch, duration_s=30.0, altitude_m=0.0, planning=PlanningRules(min_separation_m=15.0))
+    assert refusals == [
+        "host h1 does not take off, gate on the ground: the vehicle is in the air",
+        "host h2 does not take off, gate separation: h1 is in the way of its climb",
+    ]
 
 
 def test_after_a_release_plans_fly_by_themselves_again() -> None:

@@ -215,9 +215,8 @@ def test_real_autopilots_take_off_hover_where_planned_are_replanned_and_lose_one
         serving(vehicles, tmp_path) as client,
     ):
         everybody = {vehicle.id for vehicle in vehicles}
-        wait_until(
-            lambda: all(host["link_up"] and host["position"] for host in hosts_of(client).values()), limit_s=READY_S
-        )
+        ready = {"the vehicle is not armed"}
+        wait_until(lambda: {host["unavailable_reason"] for host in hosts_of(client).values()} == ready, limit_s=READY_S)
         client.post("/api/v1/hosts/take-off", json={"altitude_m": TAKE_OFF_M}).raise_for_status()
 
         def up() -> bool:

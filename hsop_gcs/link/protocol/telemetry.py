@@ -205,7 +205,9 @@ class Telemetry:
                 self.state = self.state.evolve(gps_fix=message.fix_type, satellites=satellites)
             case EkfStatusReport() | EstimatorStatus():
                 flags = EstimatorFlags(message.flags)
-                healthy = _POSITION_GOOD in flags and EstimatorFlags.CONST_POS_MODE not in flags
+                # PX4 says so of every vehicle that rests on the ground, too
+                adrift = EstimatorFlags.CONST_POS_MODE in flags and self.state.in_air is not False
+                healthy = _POSITION_GOOD in flags and not adrift
                 self.state = self.state.evolve(estimator_healthy=healthy)
             case AutopilotVersion():
                 version = message.flight_sw_version
