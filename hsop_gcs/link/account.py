@@ -7,6 +7,8 @@ from hsop_gcs.link.endpoint import Peer
 
 _WINDOW_S = 5
 _MOST_CLAIMANTS = 8
+_HALF = 128
+_ALL = (1 << _HALF) - 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,6 +76,29 @@ class VehicleLink:
         return None if self.round_trip_s is None else 1e3 * self.round_trip_s
 
 
+class Sequence:
+    """Which of a sender's newest frames came, whatever their order.
+
+    Numbers have eight bits: half of them back is as far as a late frame can be told from one behind a long gap.
+    """
+
+    def __init__(self, newest: int) -> None:
+        self._newest = newest
+        self._came = _ALL
+        """Bit n: the frame n before the newest; what was before the first is not missed."""
+
+    def take(self, number: int) -> int:
+        """Return by how many the missing frames became more: those skipped, -1 for a late one, 0 for a copy."""
+        ahead = (number - self._newest) % 256
+        if ahead <= _HALF:
+            self._newest, self._came = number, (self._came << ahead | 1) & _ALL
+            return max(ahead - 1, 0)
+        late = 1 << 256 - ahead
+        missed = not self._came & late
+        self._came |= late
+        return -int(missed)
+
+
 class Account:
     """One vehicle's account."""
 
@@ -88,9 +113,9 @@ class Account:
         self._seconds: deque[tuple[int, int, int]] = deque(maxlen=_WINDOW_S + 1)
 
     def take(self, lost: int, now: float) -> None:
-        """Count a frame, and those missing before it."""
+        """Count a frame, and by how many the missing ones became more; see ``Sequence``."""
         self.received += 1
-        self.lost += lost
+        self.lost = max(self.lost + lost, 0)
         second = int(now)
         if self._seconds and self._seconds[-1][0] == second:
             _, received, lost_before = self._seconds.pop()
@@ -118,7 +143,7 @@ class Account:
     def loss(self, now: float) -> float | None:
         """Share of frames that were lost over the same time; None if nothing came."""
         window = self._window(now)
-        received, lost = sum(each[0] for each in window), sum(each[1] for each in window)
+        received, lost = sum(each[0] for each in window), max(sum(each[1] for each in window), 0)
         return lost / (received + lost) if received else None
 
     def _window(self, now: float) -> list[tuple[int, int]]:

@@ -18,7 +18,7 @@ from collections import Counter
 from collections.abc import Container, Iterable, Mapping
 
 from hsop_gcs.errors import BadInput
-from hsop_gcs.link.account import Account, LinkCounters, Stranger, VehicleLink
+from hsop_gcs.link.account import Account, LinkCounters, Sequence, Stranger, VehicleLink
 from hsop_gcs.link.codec import Decoder, DecoderCounters, Encoder, Frame, is_signed, marked_signed
 from hsop_gcs.link.endpoint import Peer
 from hsop_gcs.link.enums import MavComponent
@@ -34,8 +34,6 @@ _MOST_PEERS = 256
 _MOST_STRANGERS = 64
 _MOST_GREETED = 16
 _GREETED_FOR_S = 3.0
-_REORDERED = 200
-"""A sequence number that seems to leap further than this is an old frame that came late, or a copy."""
 
 
 class Router:
@@ -67,7 +65,7 @@ class Router:
         self._decoders: dict[Peer, Decoder] = {}
         self._encoders: dict[Peer, Encoder] = {}
         self._forwarded: list[tuple[Peer, bytes]] = []
-        self._sequences: dict[tuple[Peer, int, int], int] = {}
+        self._sequences: dict[tuple[Peer, int, int], Sequence] = {}
         self._accounts = {system: Account() for system in self.vehicles}
         # With a hundred vehicles most of them are idle at any moment: only those that were touched are looked at.
         self._wakes = dict.fromkeys(self.vehicles, math.inf)
@@ -319,16 +317,12 @@ class Router:
 
     def _missing_before(self, frame: Frame, peer: Peer) -> int:
         key = (peer, frame.system, frame.component)
-        last = self._sequences.get(key)
-        if last is None:
-            if len(self._sequences) < _MOST_PEERS * 4:
-                self._sequences[key] = frame.sequence
-            return 0
-        leap = (frame.sequence - last) % 256
-        if leap == 0 or leap > _REORDERED:
-            return 0
-        self._sequences[key] = frame.sequence
-        return leap - 1
+        sequence = self._sequences.get(key)
+        if sequence is not None:
+            return sequence.take(frame.sequence)
+        if len(self._sequences) < _MOST_PEERS * 4:
+            self._sequences[key] = Sequence(frame.sequence)
+        return 0
 
     def _encode(self, message: Message, peer: Peer) -> bytes:
         encoder = self._encoders.get(peer)

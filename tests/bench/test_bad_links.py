@@ -42,21 +42,25 @@ def seconds_to_station(*line: str) -> float:
         wait_until(lambda: get("health")["hosts_available"] == HOSTS, limit_s=120)
         still = {"east_mps": 0.0, "north_mps": 0.0, "up_mps": 0.0}
 
-        def reported() -> dict[str, Any] | None:
+        def keep_reporting() -> None:
             threats = []
             for number in range(3):
                 threat = report(f"t{number}", velocity=still)
                 threat["position"]["lon_deg"] += 0.0008 * number
                 threats.append(threat)
             client.post("/api/v1/reports", json=threats).raise_for_status()
+
+        def planned() -> dict[str, Any] | None:
+            keep_reporting()
             proposed: dict[str, Any] | None = get("plan")["proposed"]
             return proposed if proposed is not None and len(proposed["orders"]) == HOSTS else None
 
-        plan = wait_until(reported, limit_s=120)
+        plan = wait_until(planned, limit_s=120)
         client.post("/api/v1/plan/approve", json={"plan_id": plan["id"]}).raise_for_status()
         approved_s = time.monotonic()
 
         def on_station() -> bool:
+            keep_reporting()
             statuses = [host["order"]["status"] for host in get("hosts")]
             assert "failed" not in statuses, get("events")[-5:]
             return statuses == ["on station"] * HOSTS

@@ -1,5 +1,6 @@
 """Who sent this frame, and whose is it."""
 
+import numpy as np
 import pytest
 
 from hsop_gcs.errors import BadInput
@@ -9,6 +10,7 @@ from hsop_gcs.link.enums import MavAutopilot, MavType
 from hsop_gcs.link.events import AddressRefused, AddressRegistered, LinkLost, LinkUp
 from hsop_gcs.link.messages import Attitude, CommandLong, Heartbeat, Message
 from hsop_gcs.link.router import Router
+from hsop_gcs.simulator.channel import Channel, Impairment
 
 HERE = Peer(0, "127.0.0.1", 14541)
 THERE = Peer(0, "127.0.0.1", 14542)
@@ -136,9 +138,25 @@ def test_gaps_in_the_sequence_are_counted_as_lost() -> None:
 def test_frames_that_overtook_each_other_or_came_twice_are_not_lost() -> None:
     router, sender = Router([1]), Sender(1)
     first, second, third = sender(), sender(), sender()
-    for raw in (first, third, second, third, third):
+    for raw, missing in ((first, 0), (third, 1), (second, 0), (third, 0), (second, 0), (first, 0)):
         router.receive(raw, HERE, 0.0)
-    assert router.counters.lost == 1
+        assert router.counters.lost == router.vehicle_link(1, 0.0).lost == missing
+
+
+def test_the_loss_of_a_line_that_delays_and_doubles_is_that_of_its_frames() -> None:
+    """A fifth of a second more or less is eighty frames of full telemetry that overtake each other."""
+    line = Channel[bytes](Impairment(loss=0.3, duplication=0.05, delay_s=0.3, jitter_s=0.2), np.random.default_rng(1))
+    router, sender = Router([1]), Sender(1)
+    told = []
+    for number in range(4000):
+        now = number / 200
+        line.put(sender(), now)
+        for raw in line.take_due(now):
+            router.receive(raw, HERE, now)
+        if number >= 1200 and number % 200 == 0:
+            told.append(router.vehicle_link(1, now).loss)
+    assert told == pytest.approx([0.3] * len(told), abs=0.06)
+    assert router.counters.lost == pytest.approx(0.3 * 4000, rel=0.1)
 
 
 def test_two_vehicles_on_one_peer_have_sequences_of_their_own() -> None:
