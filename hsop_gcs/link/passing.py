@@ -4,7 +4,7 @@ Orders, modes, targets, streams and heartbeats stay with the service: whatever f
 gates, and no second heartbeat hides from the vehicle that ours has stopped.
 """
 
-from hsop_gcs.link.codec import Frame, message_id, message_ids
+from hsop_gcs.link.codec import STX_V2, Frame, is_signed, message_id, message_ids
 from hsop_gcs.link.enums import MavCmd
 from hsop_gcs.link.messages import CommandInt, CommandLong
 
@@ -32,6 +32,8 @@ _COMMANDS = {
 
 def withheld(frame: Frame, system: int) -> str | None:
     """Return the name of what may not pass to this vehicle; None for what may."""
+    if frame.raw[0] != STX_V2 or is_signed(frame.raw):
+        return "signed already, or MAVLink 1"
     match frame.message:
         case CommandLong(command=command) | CommandInt(command=command) if command not in _COMMANDS:
             return f"command {command}"

@@ -1,6 +1,7 @@
 """What other programs may tell a vehicle over our link."""
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hsop_gcs.link.codec import Decoder, Encoder, is_signed
 from hsop_gcs.link.endpoint import Peer
@@ -74,6 +75,17 @@ def test_what_flies_a_vehicle_is_withheld_and_counted(message: Message, why_not:
     router.forward(1, GUEST.encode(message) + GUEST.encode(message))
     assert router.take_outgoing() == []
     assert router.vehicle_link(1, 0.0).withheld == {why_not: 2}
+
+
+@pytest.mark.parametrize("signed", [False, True])
+def test_what_we_could_not_sign_is_withheld(signed: bool) -> None:
+    router = heard_router(signed=signed)
+    old = dialect.MAVLink(None, srcSystem=245, srcComponent=190)
+    router.forward(1, dialect.MAVLink_param_request_list_message(1, 1).pack(old, force_mavlink1=True))
+    sign = Signing(bytes(32), clock=SigningClock(lambda: 1.8e9)).sign
+    router.forward(1, Encoder(system=245, component=190, sign=sign).encode(ParamSet(target_system=1, param_id="A")))
+    assert router.take_outgoing() == []
+    assert router.vehicle_link(1, 0.0).withheld == {"signed already, or MAVLink 1": 2}
 
 
 def test_to_a_vehicle_that_was_not_heard_nothing_is_sent_and_that_is_counted() -> None:
