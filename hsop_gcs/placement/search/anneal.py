@@ -12,8 +12,8 @@ from hsop_gcs.placement.search.chance import State as Chance
 from hsop_gcs.placement.search.chance import below, uniform
 from hsop_gcs.placement.search.compiled import kernel, lean_kernel
 from hsop_gcs.placement.search.model import Ints, Question
-from hsop_gcs.placement.search.moves import jump, keep_clear, try_camera, try_pose, try_regroup, try_rig
-from hsop_gcs.placement.search.state import State, copy_state, left_over, refresh, set_view, totals
+from hsop_gcs.placement.search.moves import jump, mend, try_camera, try_pose, try_regroup, try_rig
+from hsop_gcs.placement.search.state import State, copy_state, left_over, set_view, totals
 
 
 @lean_kernel
@@ -66,9 +66,7 @@ def scatter(q: Question, s: State, chance: Chance) -> None:
             if s.degree[s.pairs[threat, end]] > 1:
                 set_view(s, threat, end, host, below(chance, 2))
                 jump(q, s, host, threat, end, chance)
-    for host in range(hosts):
-        keep_clear(q, s, host)
-    refresh(q, s)
+    mend(q, s)
 
 
 @kernel

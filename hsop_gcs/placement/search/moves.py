@@ -11,6 +11,7 @@ from hsop_gcs.placement.search.state import (
     State,
     left_over,
     pose_of,
+    refresh,
     refresh_host,
     refresh_threat,
     set_pose,
@@ -62,6 +63,14 @@ def keep_clear(q: Question, s: State, host: int) -> None:
         s.positions[host, 2] = max(q.floor_m, min(q.ceiling_m, s.positions[host, 2]))
         if not moved:
             break
+
+
+@lean_kernel
+def mend(q: Question, s: State) -> None:
+    """Push every host to where it may hover, and recompute everything."""
+    for host in range(s.degree.shape[0]):
+        keep_clear(q, s, host)
+    refresh(q, s)
 
 
 @lean_kernel

@@ -15,9 +15,9 @@ from scipy.optimize import linear_sum_assignment
 from hsop_gcs.placement.answer import PROVEN_GAP
 from hsop_gcs.placement.problem import Problem
 from hsop_gcs.placement.search.model import Floats, Ints, Question
-from hsop_gcs.placement.search.moves import keep_clear
+from hsop_gcs.placement.search.moves import mend
 from hsop_gcs.placement.search.question import frame_of, placement_of, question_of, state_of
-from hsop_gcs.placement.search.state import State, copied, copy_state, refresh, totals
+from hsop_gcs.placement.search.state import State, copied, copy_state, totals
 from hsop_gcs.placement.solution import Placement, Status
 
 _TURNS = 48
@@ -134,8 +134,6 @@ def _parts(state: State) -> Iterator[tuple[list[int], list[int]]]:
 
 def _is_good(q: Question, state: State, most: float) -> bool:
     """Whether a state, its hosts pushed to where they may hover, keeps every rule and costs no more than this."""
-    for host in range(len(state.degree)):
-        keep_clear(q, state, host)
-    refresh(q, state)
+    mend(q, state)
     cost, violation = totals(q, state)
     return bool(violation <= 0 and cost <= most)

@@ -11,10 +11,10 @@ from concurrent.futures import ThreadPoolExecutor
 from hsop_gcs.placement.search.chance import State as Chance
 from hsop_gcs.placement.search.chance import seeded
 from hsop_gcs.placement.search.model import Question
-from hsop_gcs.placement.search.moves import keep_clear
+from hsop_gcs.placement.search.moves import mend
 from hsop_gcs.placement.search.neighbourhood import Found, fresh, improve, regrown, shake
 from hsop_gcs.placement.search.parts import Parts
-from hsop_gcs.placement.search.state import State, copied, copy_state, new_state, refresh, totals
+from hsop_gcs.placement.search.state import State, copied, copy_state, new_state, totals
 
 LANES = 2
 POOL = 8
@@ -83,9 +83,7 @@ class Course:
     def start_from(self, state: State) -> None:
         """Put a state into the pool; broken safety distances are mended first."""
         mended = copied(state)
-        for host in range(self.n_hosts):
-            keep_clear(self.q, mended, host)
-        refresh(self.q, mended)
+        mend(self.q, mended)
         self.pool.offer(self.q, mended)
         self._warm = True
 
