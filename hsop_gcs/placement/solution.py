@@ -82,7 +82,7 @@ class Placement:
     """Why nothing was found, in terms of the input; empty otherwise."""
     method: str = Method.LETTER
     iterations: int = 0
-    """How many rounds the search had time for; asked for again, they give the same placement."""
+    """So many rounds of the search, asked for again, give the same placement: those it had time for, or fewer."""
 
 
 def worst_error_m(placement: Placement) -> float:

@@ -3,8 +3,6 @@
 import math
 from collections.abc import Mapping
 
-import numpy as np
-
 from hsop_gcs.errors import BadInput
 from hsop_gcs.reports import Bearing, Matrix3, Measurement, Report, ReportRules, Vector3, check_time
 from hsop_gcs.tracks.rules import TrackRules
@@ -65,7 +63,11 @@ def _finite(vector: Vector3) -> bool:
 
 
 def _is_covariance(matrix: Matrix3) -> bool:
-    values = np.array(matrix, dtype=np.float64)
-    if values.shape != (3, 3) or not np.isfinite(values).all() or not np.allclose(values, values.T, rtol=1e-6):
+    """Whether it is finite, symmetric and positive definite: whether Cholesky's pivots are."""
+    if [len(row) for row in matrix] != [3, 3, 3] or not all(map(_finite, matrix)):
         return False
-    return bool(np.linalg.eigvalsh(values)[0] > 0)
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = matrix
+    if not all(math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-8) for a, b in ((xy, yx), (xz, zx), (yz, zy))) or xx <= 0:
+        return False
+    yy, yz, zz = yy - xy * xy / xx, yz - xy * xz / xx, zz - xz * xz / xx
+    return yy > 0 and zz - yz * yz / yy > 0

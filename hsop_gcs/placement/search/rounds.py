@@ -77,6 +77,8 @@ class Course:
         self.pool = Pool()
         self.parts = Parts(q)
         self.round = 0
+        self.settled = 0
+        """The round in which the best changed last: no more than these are needed to find it again."""
         self._scratch = [[new_state(len(q.weight), n_hosts) for _ in range(3)] for _ in range(LANES)]
         self._warm = False
 
@@ -91,14 +93,16 @@ class Course:
         """Run one round; True if there is a new best."""
         results = list(executor.map(self._task, range(LANES)))
         self.round += 1
-        before = self.pool.cost
+        before, gained = self.pool.cost, False
         for state, found in results:
-            self.pool.offer(self.q, state)
+            gained |= self.pool.offer(self.q, state)
             for part, threats in found:
                 self.parts.take(part, threats)
         together = self.parts.combined(self.n_hosts, self.pool.cost)
         if together is not None:
-            self.pool.offer(self.q, together)
+            gained |= self.pool.offer(self.q, together)
+        if gained:
+            self.settled = self.round
         return self.pool.cost < before
 
     def _task(self, lane: int) -> tuple[State, list[Found]]:

@@ -82,7 +82,11 @@ def search(
             bound = lower_bound(q, executor, thorough=False)
     best = None if course is None else wanted.best(course)
     answer = _answer(problem, frame, q, best, bound, seed, now() - started, n_hosts, most)
-    return replace(answer, iterations=0 if course is None else course.round)
+    if course is None:
+        return answer
+    # what is chosen from the whole pool hangs on every round, the best of it on those that changed it
+    only_best = until_settled and target_m is None and not fuses(problem)
+    return replace(answer, iterations=max(1, course.settled) if only_best else course.round)
 
 
 def frontier(
