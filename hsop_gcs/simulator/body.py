@@ -68,7 +68,7 @@ class Body:
         self.ready = self.armed
         """Whether the estimator has a position."""
         self._legs: deque[FlightGoal] = deque()
-        self._boot_at = self._now = self._moved_until = now
+        self.boot_at = self._now = self._moved_until = now
         self._lift_off_at: float | None = None
         self._ground_contact_at: float | None = None
         self._wander_phases = tuple(float(phase) for phase in rng.uniform(0.0, 2 * math.pi, size=3))
@@ -165,7 +165,7 @@ class Body:
 
     @property
     def since_boot_s(self) -> float:
-        return self._now - self._boot_at
+        return self._now - self.boot_at
 
     @property
     def boot_ms(self) -> int:

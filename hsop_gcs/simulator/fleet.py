@@ -88,13 +88,7 @@ class SimulatedFleet:
         self._clock = _SteadyClock(clock, config.speed)
         seeds = np.random.SeedSequence(config.seed).spawn(len(config.homes))
         self.members = [
-            _Member(
-                _build(config, number, self._clock.now(), seed),
-                self._target(number),
-                config,
-                seed,
-                self._clock,
-            )
+            _Member(_build(config, number, self._clock.now(), seed), self._target(number), config, seed, self._clock)
             for number, seed in enumerate(seeds)
         ]
         self._pump: asyncio.Task[None] | None = None
@@ -198,7 +192,6 @@ class _Member(asyncio.DatagramProtocol):
         self._outward = Channel[tuple[bytes, Address]](config.impairment, np.random.default_rng(outward))
         self._peers: dict[Address, float] = {}
         self._transport: asyncio.DatagramTransport | None = None
-        self._started_at = clock.now()
         self._cut_off = 0
 
     @property
@@ -254,7 +247,7 @@ class _Member(asyncio.DatagramProtocol):
 
     def _cut(self, now: float) -> bool:
         """Whether the link is cut now; counts what is lost by it."""
-        cut = self.vehicle.faults.active(FaultKind.LINK_CUT, now - self._started_at)
+        cut = self.vehicle.faults.active(FaultKind.LINK_CUT, now - self.vehicle.boot_at)
         self._cut_off += cut
         return cut
 

@@ -168,24 +168,25 @@ def test_homes_stand_apart_by_the_spacing_at_the_origins_altitude() -> None:
 
 
 def test_a_cut_link_carries_nothing_either_way_for_as_long_as_it_is_cut(listener: Listener) -> None:
-    cut_s = (4.0, 8.0)
+    # A busy machine may be a second of the simulation late, never early.
+    cut_s, late_s = (4.0, 8.0), 1.1
     fault = parse_fault("h1:link-cut@4+4", 2)
     name = "MPC_XY_CRUISE"
 
     async def body(fleet: SimulatedFleet) -> None:
         cut, whole = fleet.vehicles
         heard: dict[int, list[float]] = {1: [], 2: []}
-        while not heard[1] or heard[1][-1] < 9.0:
+        while not heard[1] or heard[1][-1] < cut_s[1] + late_s:
             frame = await listener.hear(lambda frame: isinstance(frame.message, Attitude))
             assert isinstance(frame.message, Attitude)
             heard[frame.system].append(frame.message.time_boot_ms / 1000)
-            if cut_s[0] + 0.5 < cut.since_boot_s < cut_s[1] - 0.5:
+            if cut_s[0] + 0.1 < cut.since_boot_s < cut_s[1] - late_s:
                 for number, to in enumerate(fleet.local_addresses, start=1):
                     order = ParamSet(
                         target_system=number, target_component=1, param_id=name, param_value=3.0, param_type=9
                     )
                     listener.send(order, to)
-        assert [at_s for at_s in heard[1] if cut_s[0] < at_s < cut_s[1]] == []
+        assert [at_s for at_s in heard[1] if cut_s[0] < at_s < cut_s[1] - late_s] == []
         assert min(heard[1]) < cut_s[0]
         assert len([at_s for at_s in heard[2] if cut_s[0] < at_s < cut_s[1]]) > 50
         assert (cut.parameters[name], whole.parameters[name]) == (whole.config.flight.cruise_mps, 3.0)
