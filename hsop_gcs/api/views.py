@@ -255,7 +255,7 @@ def _order(host: Host, progress: OrderProgress, mission: Mission) -> OrderOut:
 
 def _gimbal_error_deg(host: Host, mission: Mission, errors: Progress | None) -> float | None:
     """Against where the threats are now once the host follows them, against the order before."""
-    looks, target = mission.vehicle(host).state.gimbal, mission.target_of(host, mission.clock())
+    looks, target = mission.vehicle(host).state.gimbal, mission.sky.target_of(mission.state, host, mission.clock())
     if looks is not None and target is not None:
         return separation_deg(looks, target)
     return None if errors is None or errors.order.aim is None else errors.gimbal_error_deg

@@ -12,14 +12,10 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.detections import Detection, let_go, rays_of
 from hsop_gcs.detections import Verdict as RayVerdict
 from hsop_gcs.errors import NotKnown, Refused, Unavailable
 from hsop_gcs.fleet import Fleet, Host
-from hsop_gcs.geometry.frames import Aim, aim_between
 from hsop_gcs.journal import Journal
 from hsop_gcs.link.events import Event, OrderFailed
 from hsop_gcs.link.pump import Link
@@ -238,20 +234,6 @@ class Mission:
         blocked = self._blocked.get(host.id)
         return blocked.reason if blocked is not None and blocked.order_id == progress.order_id else None
 
-    def target_of(self, host: Host, at_s: float) -> Aim | None:
-        """Return where a host should look for its threats at a time, from where it is; None if it is to follow none."""
-        progress, position = self.state.progress.get(host.id), self.vehicle(host).state.position
-        if progress is None or progress.order.aim is None or position is None:
-            return None
-        if progress.status not in (OrderStatus.ACCEPTED, OrderStatus.ARRIVED, OrderStatus.ON_STATION):
-            return None
-        tracks = self.state.picture.tracks
-        seen = [name for name, camera in progress.order.views if camera is CameraKind.CENTRAL and name in tracks]
-        if not seen:
-            return None
-        aim = aim_between(self.site.frame.to_enu(position), np.array([tracks[name].position_at(at_s) for name in seen]))
-        return (host.rig or self.fleet.rig).nearest_aim(aim, progress.order.heading_deg)
-
     # What time brings
 
     async def run(self) -> None:
@@ -304,7 +286,7 @@ class Mission:
     def _follow_threats(self, now_s: float) -> None:
         """Keep central cameras on their threats, on the way and between plans."""
         for host in self.fleet.hosts:
-            aim = self.target_of(host, now_s + _GIMBAL_LAG_S)
+            aim = self.sky.target_of(self.state, host, now_s + _GIMBAL_LAG_S)
             if aim is not None:
                 self.link.follow(host.system_id, aim)
 

@@ -1,15 +1,20 @@
-"""Our aircraft, as their telemetry has them: where they are, which of them can be sent, and why the others cannot."""
+"""Our aircraft, as their telemetry has them: where they are, where they should look, which of them can be sent, and why
+the others cannot."""
 
 import math
 from collections import Counter
 from collections.abc import Mapping
 from types import MappingProxyType
 
+import numpy as np
+
 from hsop_gcs.assignment import Flight, Mover
+from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.fleet import Fleet, Host
+from hsop_gcs.geometry.frames import Aim, aim_between
 from hsop_gcs.link.pump import Link
 from hsop_gcs.mission.core import MissionState
-from hsop_gcs.mission.dispatch import mover_of
+from hsop_gcs.mission.dispatch import OrderStatus, mover_of
 from hsop_gcs.mission.gates import Aircraft, Closed, closed
 from hsop_gcs.mission.traffic import Blocked, Traffic, unheard_m
 from hsop_gcs.placement.problem import Point
@@ -91,6 +96,21 @@ class Sky:
         east, north, _ = self._site.frame.to_enu(state.position).tolist()
         _, _, home_m = self._site.frame.to_enu(state.home).tolist()
         return east, north, home_m + altitude_m
+
+    def target_of(self, mission: MissionState, host: Host, at_s: float) -> Aim | None:
+        """Return where a host should look for its threats at a time, from where it is; None if it is to follow none."""
+        progress, position = mission.progress.get(host.id), self._link.vehicles[host.system_id].state.position
+        if progress is None or progress.order.aim is None or position is None:
+            return None
+        if progress.status not in (OrderStatus.ACCEPTED, OrderStatus.ARRIVED, OrderStatus.ON_STATION):
+            return None
+        tracks = mission.picture.tracks
+        seen = [name for name, camera in progress.order.views if camera is CameraKind.CENTRAL and name in tracks]
+        if not seen:
+            return None
+        here, places = self._site.frame.to_enu(position), [tracks[name].position_at(at_s) for name in seen]
+        rig = host.rig or self._fleet.rig
+        return rig.nearest_aim(aim_between(here, np.array(places)), progress.order.heading_deg)
 
     def hosts_m(self) -> dict[str, Point]:
         """Return where our own aircraft are, as far as they are heard."""
