@@ -28,14 +28,22 @@ def lower_bound(q: Question, executor: Executor, *, thorough: bool) -> float:
     """Return a cost that no placement goes below, whatever the number of hosts.
 
     The sum over threats of the least that a pair of hosts of its own can cost: sharing hosts between threats only adds
-    constraints. Each term is proven by branch and bound over boxes for the two hosts where all altitudes are equal;
-    otherwise by their distances alone.
+    constraints.
+    """
+    return float(own_bounds(q, executor, thorough=thorough).sum())
+
+
+def own_bounds(q: Question, executor: Executor, *, thorough: bool) -> Floats:
+    """Return (threats,) what each costs at least with any two hosts.
+
+    Proven by branch and bound over boxes for the two hosts where all altitudes are equal, otherwise by their distances
+    alone.
     """
     threats = range(len(q.weight))
     if not q.plane:
-        return float(sum(own_pair_bound_in_space(q, threat, CELLS) for threat in threats))
+        return np.array([own_pair_bound_in_space(q, threat, CELLS) for threat in threats])
     most = MANY_BOXES if thorough else FEW_BOXES
-    return float(sum(executor.map(lambda threat: own_pair_bound(q, threat, most), threats)))
+    return np.array(list(executor.map(lambda threat: own_pair_bound(q, threat, most), threats)))
 
 
 @kernel
@@ -50,9 +58,7 @@ def own_pair_bound_in_space(q: Question, threat: int, cells: int) -> float:
         length += (q.points_m[threat, 1, n] - q.points_m[threat, 0, n]) ** 2
     length = math.sqrt(length)
     lenses = q.range_m.shape[0]
-    reach = 0.0
-    for lens in range(lenses):
-        reach = max(reach, q.range_m[lens, threat] * largest_size(q, lens))
+    reach = reach_m(q, threat)
     factors = np.empty((lenses * cells, 2))
     count = 0
     width = (length + 2 * reach) / cells
@@ -104,6 +110,15 @@ def largest_size(q: Question, lens: int) -> float:
 
 
 @lean_kernel
+def reach_m(q: Question, threat: int) -> float:
+    """Return a distance from which no lens detects a threat."""
+    reach = 0.0
+    for lens in range(q.range_m.shape[0]):
+        reach = max(reach, q.range_m[lens, threat] * largest_size(q, lens))
+    return float(reach)
+
+
+@lean_kernel
 def spread(x: float, y: float, radius: float) -> float:
     """Return by how much the bearing of a point at (x, y) varies when it is seen from anywhere in a disc about 0."""
     away = math.hypot(x, y)
@@ -132,8 +147,11 @@ def allowed(q: Question, threat: int, x: float, y: float, radius: float) -> bool
 
 
 @lean_kernel
-def box_bound(q: Question, threat: int, box: Floats) -> float:
-    """Return a cost that no two hosts go below, one in each of two squares (centre, centre, half widths)."""
+def box_bound(q: Question, threat: int, box: Floats, camera: int) -> float:
+    """Return a cost that no two hosts go below, one in each of two squares (centre, centre, half widths).
+
+    camera: that of the first host; -1: either.
+    """
     x, y, u, v = box[0], box[1], box[2], box[3]
     r, s = box[4] * math.sqrt(2.0), box[5] * math.sqrt(2.0)
     if not allowed(q, threat, x, y, r) or not allowed(q, threat, u, v, s):
@@ -149,6 +167,8 @@ def box_bound(q: Question, threat: int, box: Floats) -> float:
         sines = (sine, sines[1]) if k == 0 else (sines[0], sine)
     best = math.inf
     for lens in range(q.range_m.shape[0]):
+        if camera >= 0 and lens % 2 != camera:
+            continue
         if lens % 2 == CENTRAL and not fits_window(q, threat, lens // 2, x, y, r):
             continue
         for other in range(q.range_m.shape[0]):
@@ -196,13 +216,11 @@ def own_pair_bound(q: Question, threat: int, most_boxes: int) -> float:
     along_y = q.points_m[threat, 1, 1] - q.points_m[threat, 0, 1]
     length = math.hypot(along_x, along_y)
     along_x, along_y = (along_x / length, along_y / length) if length > 0 else (1.0, 0.0)
-    reach = 0.0
-    for lens in range(q.range_m.shape[0]):
-        reach = max(reach, q.range_m[lens, threat] * largest_size(q, lens))
+    reach = reach_m(q, threat)
     boxes = np.empty((most_boxes + 4, 6))
     boxes[0] = np.array([middle_x, middle_y, middle_x, middle_y, reach, reach])
     count = 1
-    queue = [(box_bound(q, threat, boxes[0]), 0)]
+    queue = [(box_bound(q, threat, boxes[0], -1), 0)]
     while queue and queue[0][0] < math.inf and count + 4 <= most_boxes:
         _, index = heapq.heappop(queue)
         which = 0 if boxes[index, 4] >= boxes[index, 5] else 1
@@ -215,11 +233,40 @@ def own_pair_bound(q: Question, threat: int, most_boxes: int) -> float:
             box[4 + which] = half
             if mirrored(box, middle_x, middle_y, along_x, along_y):
                 continue
-            bound = box_bound(q, threat, box)
+            bound = box_bound(q, threat, box, -1)
             if bound < math.inf:
                 heapq.heappush(queue, (bound, count))
                 count += 1
     return queue[0][0] if queue else math.inf
+
+
+@kernel
+def partner_bound(q: Question, threat: int, camera: int, square: Floats, around: Floats, most_boxes: int) -> float:
+    """Return a lower bound on a threat's cost with one host, and this camera, in a square: wherever the other one is.
+
+    square, around: centre and half width, metres, of the first host's place and of all places of the other; plane
+    geometry.
+    """
+    boxes = np.empty((most_boxes + 4, 6))
+    boxes[0] = np.array([square[0], square[1], around[0], around[1], square[2], around[2]])
+    count = 1
+    queue = [(box_bound(q, threat, boxes[0], camera), 0)]
+    while queue[0][0] < math.inf and count + 4 <= most_boxes:
+        _, index = heapq.heappop(queue)
+        half = 0.5 * boxes[index, 5]
+        for corner in range(4):
+            box = boxes[count]
+            box[:] = boxes[index]
+            box[2] += half if corner % 2 == 0 else -half
+            box[3] += half if corner // 2 == 0 else -half
+            box[5] = half
+            bound = box_bound(q, threat, box, camera)
+            if bound < math.inf:
+                heapq.heappush(queue, (bound, count))
+                count += 1
+        if not queue:
+            return math.inf
+    return queue[0][0]
 
 
 def fewest_hosts(q: Question) -> int:

@@ -11,13 +11,14 @@ from hsop_gcs.placement.airspace import Airspace
 from hsop_gcs.placement.answer import PROVEN_GAP
 from hsop_gcs.placement.fusion import fused_lower_bound, fuses
 from hsop_gcs.placement.problem import Formulation, Problem, Threat
-from hsop_gcs.placement.search.bounds import fewest_hosts, lower_bound
+from hsop_gcs.placement.search.bounds import fewest_hosts, lower_bound, own_bounds
 from hsop_gcs.placement.search.frame import Frame
 from hsop_gcs.placement.search.model import Question
 from hsop_gcs.placement.search.numbers import ROUNDS_TO_REFUSE, Courses, least_acceptable
 from hsop_gcs.placement.search.polish import polish
 from hsop_gcs.placement.search.question import frame_of, placement_of, question_of, state_of
 from hsop_gcs.placement.search.rounds import LANES, Course, run
+from hsop_gcs.placement.search.shared import shared_bound
 from hsop_gcs.placement.search.state import State, new_state
 from hsop_gcs.placement.search.wanted import Wanted
 from hsop_gcs.placement.solution import Placement, Status
@@ -27,6 +28,9 @@ WORTH_A_PROOF = 1.3
 """A placement within this factor of the first bound may be optimal: then a thorough bound is worth its time."""
 PROOF_S_PER_THREAT = 0.3
 """What must be left for a thorough bound, several times what it takes."""
+CELLS_TO_SHARE, MOST_TO_SHARE, SHARED_S_PER_THREAT = 2_000, 4, 0.4
+"""How many cells a bound for shared hosts looks at, for at most so many threats, and what must be left of the time for
+it, several times what it takes."""
 PATIENCE_PER_THREAT = 1
 """A search is settled when so many rounds for each threat have gained nothing: more seldom find what others missed."""
 
@@ -185,18 +189,22 @@ def _run_until_proven(
     prove: bool,
 ) -> float:
     """Run the course to its end, or until its best is proven optimal. Returns the bound, raised for a proof."""
-    bound = lower_bound(course.q, executor, thorough=False)
+    q, threats = course.q, len(course.q.weight)
+    own = own_bounds(q, executor, thorough=False)
     if not prove:
         run(course, executor, deadline=deadline, now=now, rounds=rounds, patience=patience)
-        return bound
+        return float(own.sum())
     first = ROUNDS_BEFORE_PROOF if rounds is None else min(rounds, ROUNDS_BEFORE_PROOF)
     run(course, executor, deadline=deadline, now=now, rounds=first)
-    best = course.pool.best
-    time_for_proof = now() + PROOF_S_PER_THREAT * len(course.q.weight) < deadline
-    if best is not None and best.cost.sum() <= bound * WORTH_A_PROOF and time_for_proof:
-        bound = lower_bound(course.q, executor, thorough=True)
-        if best.cost.sum() <= bound * (1 + PROVEN_GAP):
-            return bound
+    cost = course.pool.cost
+    if cost <= own.sum() * WORTH_A_PROOF and now() + PROOF_S_PER_THREAT * threats < deadline:
+        own = own_bounds(q, executor, thorough=True)
+    bound = float(own.sum())
+    sharing = q.plane and threats <= MOST_TO_SHARE and course.n_hosts < 2 * threats
+    if sharing and bound * (1 + PROVEN_GAP) < cost < math.inf and now() + SHARED_S_PER_THREAT * threats < deadline:
+        bound = shared_bound(q, course.n_hosts, own, cost, executor, most_cells=CELLS_TO_SHARE)
+    if cost <= bound * (1 + PROVEN_GAP):
+        return bound
     rest = None if rounds is None else rounds - first
     run(course, executor, deadline=deadline, now=now, rounds=rest, patience=patience)
     return bound
