@@ -178,14 +178,23 @@ def first_state(report: Report, rules: TrackRules) -> State:
 
 def stacked(reports: Sequence[Report], rules: TrackRules) -> tuple[FloatArray, FloatArray]:
     """Return what reports say, (n, 6), and its covariances, (n, 6, 6); a velocity that is not given is 0."""
-    measured = np.array([(*each.position_m, *(each.velocity_mps or _AT_REST)) for each in reports])
+    rows = np.array(
+        [
+            (
+                *each.position_m,
+                *(each.velocity_mps or _AT_REST),
+                *(_position_sigma(each, rules) ** 2,) * 3,
+                *(_velocity_sigma(each, rules) ** 2,) * 3,
+            )
+            for each in reports
+        ]
+    )
     noise = np.zeros((len(reports), 6, 6))
-    sigmas = np.array([(_position_sigma(each, rules), _velocity_sigma(each, rules)) for each in reports])
-    noise[:, _NUMBERS, _NUMBERS] = np.square(sigmas)[:, _NUMBERS // 3]
+    noise[:, _NUMBERS, _NUMBERS] = rows[:, 6:]
     for index, each in enumerate(reports):
         if each.covariance_m2 is not None:
             noise[index, :3, :3] = each.covariance_m2
-    return measured, noise
+    return rows[:, :6].copy(), noise
 
 
 def innovate(mean: FloatArray, covariance: FloatArray, bearings: Sequence[Bearing]) -> Innovation:

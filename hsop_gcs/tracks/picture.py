@@ -117,15 +117,16 @@ class _Work:
         if source not in self._tallies:
             self._tallies[source] = Tally(self._sources.get(source), self._now_s)
         self._tallies[source].hear(measurement.time_s)
+        seen = len(self._seen)
+        self._seen.add(measurement)
         refusal = refusal_of(measurement, self._now_s, clock)
-        if refusal is None and measurement in self._seen:
+        if refusal is None and len(self._seen) == seen:
             problem = f"{measurement.source!r} has sent the same report twice"
             refusal = Refusal(RefusalKind.DUPLICATE, "time", problem)
         if refusal is not None:
             self._refuse(index, refusal)
         elif (suspicion := on_own_host(measurement, self._rules, hosts_m)) is not None:
             self._suspects[index] = suspicion
-        self._seen.add(measurement)
 
     def take(self, scan: Sequence[int]) -> None:
         """Associate one scan, correct the tracks it speaks of and begin the new ones."""

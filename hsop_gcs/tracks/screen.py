@@ -22,7 +22,7 @@ def refusal_of(measurement: Measurement, now_s: float, clock: ReportRules) -> Re
 
 def on_own_host(measurement: Measurement, rules: TrackRules, hosts_m: Mapping[str, Vector3]) -> Refusal | None:
     """Return why a position is suspected to be that of a host of ours; None if it is not."""
-    if isinstance(measurement, Bearing):
+    if isinstance(measurement, Bearing) or not hosts_m:
         return None
     sigma_m = rules.default_sigma_m if measurement.sigma_m is None else measurement.sigma_m
     radius_m = min(max(rules.host_radius_m, 2 * sigma_m), rules.max_host_radius_m)
