@@ -155,8 +155,11 @@ class Loop:
         self.poses[viewer.host] = history if pose.aim is None else history.with_aim(time_s, pose.aim)
 
 
-def nees_of(track: Track, truth: TrueState, time_s: float, rules: TrackRules) -> float:
-    """Return the normalized estimation error squared of a track predicted to ``time_s``; 6 on average if consistent."""
+def nees_of(track: Track, truth: TrueState, time_s: float, rules: TrackRules, *, size: int = 6) -> float:
+    """Return the normalized estimation error squared of a track predicted to ``time_s``; ``size`` if consistent.
+
+    size: 6 for position and velocity, 3 for the position alone.
+    """
     mean, covariance = predicted([track.state], [time_s], rules)
     error: npt.NDArray[np.float64] = mean[0] - np.array([*truth.position_m, *truth.velocity_mps])
-    return float(error @ np.linalg.solve(covariance[0], error))
+    return float(error[:size] @ np.linalg.solve(covariance[0, :size, :size], error[:size]))
