@@ -8,7 +8,7 @@ from tests.service import free_udp_port, position, report, service, settings, si
 
 STILL: dict[str, Any] = {"east_mps": 0.0, "north_mps": 0.0}
 THREATS = [report("t1", velocity=STILL), report("t2", velocity=STILL, position=position(lon_deg=8.5466))]
-CUT_AT_S, CUT_FOR_S = 14, 12
+CUT_AT_S, CUT_FOR_S = 20, 12
 
 
 def test_a_host_is_planned_without_while_its_link_is_cut_and_flies_again_after_it() -> None:
