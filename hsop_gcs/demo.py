@@ -122,7 +122,7 @@ async def run_demo(autopilot: str) -> Outcome:
         try:
             async with asyncio.timeout(LIMIT_S):
                 await console.take_off()
-            await console.planner_ready()
+            await console.planner_ready()  # while the hosts climb
             given = {**TRUTH, "epoch": _utc(time.time())}
             show(given)
             async with asyncio.timeout(LIMIT_S):
@@ -193,25 +193,27 @@ class _DemoConsole:
         return Errors(reports_m=reports_m, first_fix_m=self._first_fix_m, final_m=self._final_m)
 
     async def take_off(self) -> None:
-        """Bring the fleet into the air."""
+        """Order the fleet into the air."""
         self._begin("waiting for the hosts' links")
         await self._until(lambda host: host["unavailable_reason"] == "the vehicle is not armed")
         self._begin(f"ordering take-off to {TAKE_OFF_M:.0f} m")
         await self._post("/api/v1/hosts/take-off", {"altitude_m": TAKE_OFF_M})
-        await self._until(lambda host: host["available"] and host["position_enu_m"][2] > TAKE_OFF_M - 2.0)
 
     async def planner_ready(self) -> None:
         """Wait until the service can plan."""
-        self._begin("waiting for the planner (compiled the first time on a machine, which can take half a minute)")
         while not (await self._client.get("/api/v1/health")).raise_for_status().json()["planning"]["ready"]:
+            self._begin("waiting for the planner (compiled the first time on a machine, which can take half a minute)")
             await asyncio.sleep(1 / POLLS_PER_S)
 
     async def localize(self, truth: Truth) -> None:
-        """Report threats, approve plans, and wait until all hosts see."""
+        """Report threats, approve plans once the hosts have climbed, and wait until all of them see."""
         self.truth = truth
         self._begin(f"reporting {len(truth.threats)} threats, sigma {REPORT_SIGMA_M:.0f} m")
         async with asyncio.TaskGroup() as tasks:
-            helpers = [tasks.create_task(work) for work in (self._report(), self._approve(), self._score())]
+            helpers = [tasks.create_task(work) for work in (self._report(), self._score())]
+            self._begin("waiting for the hosts to climb")
+            await self._until(lambda host: host["available"] and host["position_enu_m"][2] > TAKE_OFF_M - 2.0)
+            helpers.append(tasks.create_task(self._approve()))
             await self._settled()
             for helper in helpers:
                 helper.cancel()
@@ -308,8 +310,9 @@ class _DemoConsole:
         return answer.json()
 
     def _begin(self, doing: str) -> None:
+        if doing != self.doing:
+            self._screen.say(doing)
         self.doing = doing
-        self._screen.say(doing)
 
 
 def _report_of(threat_id: str, place: GeodeticPoint, now_s: float) -> dict[str, Any]:
