@@ -54,7 +54,8 @@ from hsop_gcs.mission.state import (
     without_threats,
 )
 from hsop_gcs.placement.problem import Point
-from hsop_gcs.tracks import Picture, Refusal, RefusalKind, Verdict, dismiss, prune, update
+from hsop_gcs.tracks import Picture, Refusal, RefusalKind, Track, Verdict, dismiss, prune, update
+from hsop_gcs.tracks.lifecycle import has_left
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,6 +104,8 @@ class MissionState:
     """The newest order of each host."""
     asked: SolverAsked | None = None
     """What the solver is working on."""
+    unwanted: Mapping[str, Track] = field(default_factory=lambda: MappingProxyType({}))
+    """Dismissed threats, by names of their own, as long as cameras see them: what they see would begin them again."""
     dismissed: Mapping[tuple[str, str], float] = field(default_factory=lambda: MappingProxyType({}))
     """Sources' own ids whose reports are refused, and until when."""
 
@@ -186,8 +189,9 @@ def take_reports(mission: MissionState, given: ReportsArrived) -> tuple[MissionS
 
 def take_rays(mission: MissionState, given: RaysArrived) -> tuple[MissionState, tuple[RayVerdict, ...]]:
     """Return the mission with what cameras saw in its picture, and a verdict on each detection."""
+    known, unwanted = mission.picture.tracks, mission.unwanted
     after = assimilate(
-        mission.picture,
+        replace(mission.picture, tracks=MappingProxyType({**known, **unwanted})) if unwanted else mission.picture,
         mission.watch,
         given.rays,
         given.time_s,
@@ -196,7 +200,13 @@ def take_rays(mission: MissionState, given: RaysArrived) -> tuple[MissionState, 
         track_rules=mission.rules.tracks,
         clock=mission.rules.reports,
     )
-    return replace(mission, picture=after.picture, watch=after.watch), after.verdicts
+    picture = after.picture
+    if unwanted:
+        tracks, rules = picture.tracks, mission.rules.tracks
+        seen = {name: tracks[name] for name in unwanted if not has_left(tracks[name], given.time_s, rules)}
+        wanted = {name: track for name, track in tracks.items() if name not in unwanted}
+        picture, unwanted = replace(picture, tracks=MappingProxyType(wanted)), MappingProxyType(seen)
+    return replace(mission, picture=picture, unwanted=unwanted, watch=after.watch), after.verdicts
 
 
 def situation(
@@ -256,8 +266,14 @@ def _with_decision(mission: MissionState, given: DecisionMade) -> MissionState:
 
 def _without(mission: MissionState, threat_id: str, *, time_s: float) -> MissionState:
     until_s = time_s + mission.rules.dismissed_for_s
-    ids = {(binding.source, binding.threat_id): until_s for binding in mission.picture.tracks[threat_id].sources}
-    mission = replace(mission, dismissed=MappingProxyType({**mission.dismissed, **ids}))
+    track = mission.picture.tracks[threat_id]
+    ids = {(binding.source, binding.threat_id): until_s for binding in track.sources}
+    name = f"dismissed {threat_id}"
+    mission = replace(
+        mission,
+        dismissed=MappingProxyType({**mission.dismissed, **ids}),
+        unwanted=MappingProxyType({**mission.unwanted, name: replace(track, id=name, source=name, sources=())}),
+    )
     return _with_picture(mission, dismiss(mission.picture, threat_id))
 
 

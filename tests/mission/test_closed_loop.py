@@ -7,7 +7,7 @@ from hsop_gcs.mission.inputs import Rules
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.simulator.truth import TrueState
 from tests.mission.closed_loop import PERIOD_S, Score, consistency
-from tests.mission.headless import Flight, decide_in_rounds, fly, straight
+from tests.mission.headless import Flight, Moment, decide_in_rounds, fly, straight
 
 TRUTH = straight(
     [
@@ -25,6 +25,29 @@ def test_a_mission_on_station_knows_its_threats_to_half_a_metre() -> None:
     assert len(score.errors_m["central"]) > 5 / PERIOD_S
     assert np.median(score.errors_m["central"]) <= 0.5
     assert (score.lost.total(), score.swapped.total(), score.strange.total()) == (0, 0, 0)
+
+
+def test_threats_that_are_dismissed_stay_away_though_cameras_see_them() -> None:
+    seen_after: set[str] = set()
+    tracks_after: set[str] = set()
+    dismissed_s: list[float] = []
+
+    def watch(moment: Moment) -> None:
+        mission = moment.mission
+        if not dismissed_s and moment.time_s > 15.0:
+            assert all(moment.seen_by.values()), "cameras see all of them"
+            for name in list(mission.state.picture.tracks):
+                mission.dismiss(name)
+            dismissed_s.append(moment.time_s)
+        elif dismissed_s and moment.time_s > dismissed_s[0] + 1.0:
+            seen_after.update(*moment.seen_by.values())
+            tracks_after.update(mission.state.picture.tracks)
+            assert mission.state.plans.flying is None
+
+    flight = Flight(truth=TRUTH, hosts=4, duration_s=24.0, seed=3, rules=Rules(autonomy=Autonomy.AUTO))
+    fly(flight, watch, decide_in_rounds(1))
+    assert len(seen_after) > 1
+    assert tracks_after == set()
 
 
 def test_the_bounds_of_a_mean_nees_are_those_of_what_is_independent() -> None:
