@@ -70,11 +70,13 @@ class Traffic:
 
     def moves(self) -> Iterator[Move | Blocked]:
         """Yield what is to be done now, hosts that depart first before those that wait for them."""
-        known = situation(self.mission, (), self.now_s)
         for host, pending in self.mission.pending.items():
             reason = self._why_lapsed(host, pending)
             if reason is not None:
                 yield WishLapsed(time_s=self.now_s, host=host, reason=reason)
+        if not self.mission.progress:
+            return
+        known = situation(self.mission, (), self.now_s)
         for host, progress in sorted(self.mission.progress.items(), key=lambda item: item[1].rank):
             waits = progress.status is OrderStatus.WAITING
             if self.aircraft[host].taken_over and (progress.flying or (waits and progress.departures > 0)):
