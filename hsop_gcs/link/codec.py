@@ -22,6 +22,7 @@ from hsop_gcs.link.messages import Message, Unknown
 
 STX_V1, STX_V2 = 0xFE, 0xFD
 _SIGNED = 0x01
+SIGNATURE_BYTES = 13
 _KNOWN_INCOMPAT_FLAGS = _SIGNED
 
 _CLASSES: dict[int, type[Message]] = {
@@ -130,6 +131,8 @@ class Decoder:
 
     def __init__(self) -> None:
         self._rest = b""
+        self._told = 0
+        """How many bytes of the rest belong to a frame that was given out, and may begin another one all the same."""
         self.counters = DecoderCounters()
 
     def feed_datagram(self, datagram: bytes) -> list[Frame]:
@@ -139,49 +142,54 @@ class Decoder:
 
     def feed_stream(self, data: bytes) -> list[Frame]:
         """Decode a piece of a byte stream (TCP, serial); the incomplete end is kept for the next call."""
-        frames, self._rest = self._scan(self._rest + data, more_may_come=True)
+        frames, self._rest = self._scan(self._rest + data, more_may_come=True, told=self._told)
         return frames
 
     def forget_partial(self) -> None:
         """Give up the frame a stream has begun: the connection ended."""
-        self.counters.skipped_bytes += len(self._rest)
-        self._rest = b""
+        self.counters.skipped_bytes += self.pending_bytes
+        self._rest, self._told = b"", 0
 
     @property
     def pending_bytes(self) -> int:
         """How much of an incomplete frame a stream has left behind; less than one longest frame."""
-        return len(self._rest)
+        return max(0, len(self._rest) - self._told)
 
-    def _scan(self, data: bytes, *, more_may_come: bool) -> tuple[list[Frame], bytes]:
+    def _scan(self, data: bytes, *, more_may_come: bool, told: int = 0) -> tuple[list[Frame], bytes]:
+        """Decode what is whole; ``data[:told]`` was given out before and counts no more."""
         frames: list[Frame] = []
         at = 0
         while at < len(data):
             if data[at] not in (STX_V1, STX_V2):
-                self.counters.skipped_bytes += 1
+                self.counters.skipped_bytes += at >= told
                 at += 1
                 continue
             length = _frame_length(data, at)
             complete = length is not None and at + length <= len(data)
-            if not complete and more_may_come:
+            if not complete and more_may_come and (at >= told or self._is_to_come(data, at)):
+                self._told = max(0, told - at)
                 return frames, data[at:]
             frame = self._decode(data[at : at + length]) if complete and length is not None else None
+            if frame is not None and at < told and not frame.verified:
+                frame = None
             end = at + len(frame.raw) if frame is not None else at
-            if frame is not None and not frame.verified:
-                begins = self._next_begins(data, at + 1, end, more_may_come=more_may_come)
+            if frame is not None:
+                begins = self._next_begins(data, end - _unsure_bytes(frame), end, more_may_come=more_may_come)
                 if begins is not None and begins.complete:
                     frame = None
                 elif begins is not None:
-                    end = begins.at
+                    told, end = max(told, end), begins.at
             if frame is None:
                 # Perhaps no frame began here at all: what follows is looked at byte by byte.
-                self.counters.bad_frames += 1
-                self.counters.skipped_bytes += 1
+                self.counters.bad_frames += at >= told
+                self.counters.skipped_bytes += at >= told
                 at += 1
                 continue
             self.counters.frames += 1
             self.counters.unknown += isinstance(frame.message, Unknown)
             frames.append(frame)
             at = end
+        self._told = 0
         return frames, b""
 
     def _decode(self, raw: bytes) -> Frame | None:
@@ -200,11 +208,15 @@ class Decoder:
         system, component, sequence = (raw[5], raw[6], raw[4]) if version_2 else (raw[3], raw[4], raw[2])
         return Frame(message=message, system=system, component=component, sequence=sequence, raw=raw, verified=verified)
 
+    def _is_to_come(self, data: bytes, at: int) -> bool:
+        """Whether what begins in a signature may be a frame: one that is whole behind it is likelier to be one."""
+        return _may_be_ours(data[at:]) and self._next_begins(data, at + 1, len(data), more_may_come=False) is None
+
     def _next_begins(self, data: bytes, start: int, stop: int, *, more_may_come: bool) -> "_Beginning | None":
         """Return where in ``data[start:stop]`` a good frame begins, or one that may be good once the rest has come.
 
         An id outside the dialect has a checksum nobody can verify; a chance STX in front of such an id must not
-        swallow the real frames behind it.
+        swallow the real frames behind it, nor must a frame that was cut in its signature or before its last byte.
         """
         for at in range(start, stop):
             if data[at] in (STX_V1, STX_V2):
@@ -262,13 +274,24 @@ def marked_signed(frame: bytes) -> bytes:
     return frame[:1] + body + checksum.to_bytes(2, "little")
 
 
+def _unsure_bytes(frame: Frame) -> int:
+    """How many bytes at the end of a frame may belong to another one that cut it off.
+
+    All behind the STX if there is no checksum to go by, the signature, which no checksum covers, or else the last byte:
+    that of a checksum is an STX by chance.
+    """
+    if not frame.verified:
+        return len(frame.raw) - 1
+    return SIGNATURE_BYTES if is_signed(frame.raw) else 1
+
+
 def _frame_length(data: bytes, at: int) -> int | None:
     """Whole length of the frame that starts at ``at``, bytes; None while its header is incomplete."""
     if data[at] == STX_V1:
         return data[at + 1] + 8 if at + 1 < len(data) else None
     if at + 2 >= len(data):
         return None
-    return data[at + 1] + 12 + (13 if data[at + 2] & _SIGNED else 0)
+    return data[at + 1] + 12 + (SIGNATURE_BYTES if data[at + 2] & _SIGNED else 0)
 
 
 def _to_wire(value: object) -> object:

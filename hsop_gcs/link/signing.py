@@ -19,10 +19,9 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from hashlib import sha256
 
-from hsop_gcs.link.codec import is_signed, message_id
+from hsop_gcs.link.codec import SIGNATURE_BYTES, is_signed, message_id
 
 KEY_BYTES = 32
-SIGNATURE_BYTES = 13
 _HASH_BYTES = 6
 _EPOCH_UNIX_S = 1_420_070_400
 TICKS_PER_S = 100_000

@@ -7,8 +7,7 @@ stream cut anywhere, and as datagrams of a signed link, where good frames withou
 
 Exit code 1 if a good frame was not understood, the signed link believed anything else, or memory grew by more than a
 megabyte after the first fifth. In a stream, a piece of a frame and the beginning of the good one behind it may together
-be a frame with a good checksum: one that lacks its last byte, where that byte is by chance the first of the next, or a
-signed one that was cut in its signature. What was swallowed in that way is counted by itself; no receiver could tell.
+be a frame with a good checksum, by chance. What was swallowed in that way is counted by itself; no receiver could tell.
 """
 
 import gc

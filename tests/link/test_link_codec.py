@@ -118,6 +118,50 @@ def test_a_stream_may_be_cut_anywhere(sent: list[Message], data: st.DataObject) 
     assert decoder.pending_bytes == 0
 
 
+SIGNATURE = st.lists(st.sampled_from([0x00, 0x01, 0x2A, 0xFD, 0xFE]), min_size=13, max_size=13).map(bytes)
+
+
+@settings(QUICK, derandomize=True)
+@given(st.lists(st.tuples(spoken(), SIGNATURE), max_size=6), st.data())
+def test_a_signature_may_hold_what_a_frame_begins_with(sent: list[tuple[Message, bytes]], data: st.DataObject) -> None:
+    signatures = iter([signature for _, signature in sent])
+    encoder = Encoder(system=1, component=1, sign=lambda frame: frame + next(signatures))
+    raws = [encoder.encode(message) for message, _ in sent]
+    stream = b"".join(raws)
+    cuts = sorted(data.draw(st.lists(st.integers(0, len(stream)), max_size=10)))
+    decoder = Decoder()
+    found = []
+    for start, stop in zip([0, *cuts], [*cuts, len(stream)], strict=True):
+        found += [frame.raw for frame in decoder.feed_stream(stream[start:stop])]
+    decoder.forget_partial()
+    assert found == raws
+    assert (decoder.counters.bad_frames, decoder.counters.skipped_bytes) == (0, 0)
+
+
+@pytest.mark.parametrize("left", range(13))
+@pytest.mark.parametrize("chunk", [1, 7, 1000])
+def test_a_signed_frame_that_is_cut_in_its_signature_does_not_swallow_the_next(left: int, chunk: int) -> None:
+    signed = Encoder(system=1, component=1, sign=lambda frame: frame + bytes(13)).encode(StatusText(text="cut"))
+    good = [Encoder(system=1, component=1).encode(message) for message in (Heartbeat(), GlobalPositionInt())]
+    stream = signed[: len(signed) - 13 + left] + b"".join(good)
+    decoder = Decoder()
+    found = []
+    for at in range(0, len(stream), chunk):
+        found += [frame.raw for frame in decoder.feed_stream(stream[at : at + chunk])]
+    assert found[-2:] == good
+
+
+@pytest.mark.parametrize("chunk", [1, 7, 1000])
+def test_a_frame_whose_last_byte_is_missing_does_not_swallow_the_next_that_begins_with_it(chunk: int) -> None:
+    encoder = Encoder(system=1, component=1)
+    cut = next(raw for n in range(5000) if (raw := encoder.encode(StatusText(id=n)))[-1] == 0xFD)
+    good = Encoder(system=1, component=1).encode(Heartbeat())
+    stream, decoder, found = cut[:-1] + good, Decoder(), []
+    for at in range(0, len(stream), chunk):
+        found += [frame.raw for frame in decoder.feed_stream(stream[at : at + chunk])]
+    assert found[-1] == good
+
+
 def test_a_frame_with_flags_nobody_may_ignore_is_dropped() -> None:
     raw = bytearray(Encoder(system=1, component=1).encode(Heartbeat()))
     raw[2] = 0x02
