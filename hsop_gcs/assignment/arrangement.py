@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hsop_gcs.assignment.routes import FlightRules, Mover, Route, leg_times_s, why_unsafe
+from hsop_gcs.assignment.routes import FlightRules, Mover, Route, leg_times_s, reached_times_s, why_unsafe
 from hsop_gcs.assignment.separation import Conflict, Flight, clear_after_m, departures
 from hsop_gcs.placement.problem import Point, Threat
 
@@ -88,7 +88,7 @@ def _timed(flown: list[Flight], movers: Mapping[str, Mover], separation_m: float
 def _after_s(flight: Flight, mover: Mover, flown_m: float) -> float:
     way = np.array(flight.points_m)
     reached_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
-    reached_s = np.concatenate([[0.0], np.cumsum(leg_times_s(way, mover))])
+    reached_s = reached_times_s(way, mover)
     return float(np.interp(flown_m, reached_m, reached_s))
 
 

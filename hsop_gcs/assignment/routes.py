@@ -135,7 +135,7 @@ def why_unsafe(
 def _stretch_m(mover: Mover, route_m: tuple[Point, ...], within_s: float) -> tuple[Point, ...]:
     """Return the points of the way that is flown within a time from now on, from where the host is."""
     way = np.array([mover.position_m, *route_m])
-    reached_s = np.concatenate([[0.0], np.cumsum(leg_times_s(way, mover))])
+    reached_s = reached_times_s(way, mover)
     if within_s >= reached_s[-1]:
         return (mover.position_m, *route_m)
     east, north, up = (float(np.interp(within_s, reached_s, way[:, axis])) for axis in range(3))
@@ -197,7 +197,7 @@ def _ends_too_near(mover: Mover, goal_m: Point, threats: tuple[Threat, ...], rul
 
 def _flown(way: FloatArray, mover: Mover, within_s: float) -> tuple[FloatArray, FloatArray]:
     """Where a host is that flies the way, (points, 3), at constant speed: (3, times) ENU metres, and those times."""
-    reached_s = np.concatenate([[0.0], np.cumsum(leg_times_s(way, mover))])
+    reached_s = reached_times_s(way, mover)
     times = np.arange(0.0, min(float(reached_s[-1]), within_s) + _STEP_S, _STEP_S)
     return np.stack([np.interp(times, reached_s, way[:, axis]) for axis in range(3)]), times
 
@@ -217,6 +217,11 @@ def leg_times_s(way: FloatArray, mover: Mover) -> FloatArray:
     legs = np.diff(way, axis=-2)
     level_s, climb_s = np.linalg.norm(legs, axis=-1) / mover.speed_mps, np.abs(legs[..., 2]) / mover.climb_mps
     return np.asarray(np.maximum(level_s, climb_s))
+
+
+def reached_times_s(way: FloatArray, mover: Mover) -> FloatArray:
+    """Return when each point of a way, (points, 3), is reached, (points,) seconds from its start."""
+    return np.concatenate([[0.0], np.cumsum(leg_times_s(way, mover))])
 
 
 def _beside(threats: tuple[Threat, ...], horizon_s: float, radius_m: float) -> FloatArray:

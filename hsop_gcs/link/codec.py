@@ -137,12 +137,11 @@ class Decoder:
 
     def feed_datagram(self, datagram: bytes) -> list[Frame]:
         """Decode one datagram; a frame never continues in the next one."""
-        frames, _ = self._scan(datagram, more_may_come=False)
-        return frames
+        return self._scan(datagram, more_may_come=False)[0]
 
     def feed_stream(self, data: bytes) -> list[Frame]:
         """Decode a piece of a byte stream (TCP, serial); the incomplete end is kept for the next call."""
-        frames, self._rest = self._scan(self._rest + data, more_may_come=True, told=self._told)
+        frames, self._rest, self._told = self._scan(self._rest + data, more_may_come=True, told=self._told)
         return frames
 
     def forget_partial(self) -> None:
@@ -155,8 +154,11 @@ class Decoder:
         """How much of an incomplete frame a stream has left behind; less than one longest frame."""
         return max(0, len(self._rest) - self._told)
 
-    def _scan(self, data: bytes, *, more_may_come: bool, told: int = 0) -> tuple[list[Frame], bytes]:
-        """Decode what is whole; ``data[:told]`` was given out before and counts no more."""
+    def _scan(self, data: bytes, *, more_may_come: bool, told: int = 0) -> tuple[list[Frame], bytes, int]:
+        """Decode what is whole; ``data[:told]`` was given out before and counts no more.
+
+        Returns the frames, the rest of the data, and how much of that has been given out.
+        """
         frames: list[Frame] = []
         at = 0
         while at < len(data):
@@ -167,8 +169,7 @@ class Decoder:
             length = _frame_length(data, at)
             complete = length is not None and at + length <= len(data)
             if not complete and more_may_come and (at >= told or self._is_to_come(data, at)):
-                self._told = max(0, told - at)
-                return frames, data[at:]
+                return frames, data[at:], max(0, told - at)
             frame = self._decode(data[at : at + length]) if complete and length is not None else None
             if frame is not None and at < told and not frame.verified:
                 frame = None
@@ -189,8 +190,7 @@ class Decoder:
             self.counters.unknown += isinstance(frame.message, Unknown)
             frames.append(frame)
             at = end
-        self._told = 0
-        return frames, b""
+        return frames, b"", 0
 
     def _decode(self, raw: bytes) -> Frame | None:
         version_2 = raw[0] == STX_V2

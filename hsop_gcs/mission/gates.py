@@ -77,11 +77,9 @@ def link_reserve(aircraft: Aircraft, limits: FlightLimits) -> str | None:
 def fence(aircraft: Aircraft, airspace: Airspace, ahead_m: tuple[Point, ...]) -> str | None:
     if aircraft.position_m is None or (room_m := airspace.fence_room_m(aircraft.position_m)) >= 0:
         return None
-    return (
-        None
-        if _leads_in(aircraft.position_m, airspace, ahead_m)
-        else f"the vehicle is {-room_m:.0f} m outside the fence"
-    )
+    if _leads_in(aircraft.position_m, airspace, ahead_m):
+        return None
+    return f"the vehicle is {-room_m:.0f} m outside the fence"
 
 
 def keep_out(aircraft: Aircraft, airspace: Airspace, ahead_m: tuple[Point, ...]) -> str | None:
