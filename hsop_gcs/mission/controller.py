@@ -23,7 +23,7 @@ from hsop_gcs.link.tlog import TlogWriter
 from hsop_gcs.link.vehicle import Vehicle
 from hsop_gcs.mission.commander import Commander
 from hsop_gcs.mission.core import MissionState, Wish, apply, situation, take_rays, take_reports
-from hsop_gcs.mission.departures import departures, why_grounded
+from hsop_gcs.mission.departures import check_take_off, departures
 from hsop_gcs.mission.dispatch import OrderStatus
 from hsop_gcs.mission.gates import Closed
 from hsop_gcs.mission.inputs import (
@@ -176,11 +176,8 @@ class Mission:
 
         Raises Refused, and nobody takes off, if one of them does not pass a gate.
         """
-        hosts, now_s = self._hosts(host_ids), self.clock()
-        for host in hosts:
-            at = why_grounded(host, altitude_m, self.state, self.sky, now_s)
-            if at is not None:
-                raise Refused(f"host {host.id} does not take off, gate {at.gate}: {at.reason}")
+        hosts = self._hosts(host_ids)
+        check_take_off(hosts, altitude_m, self.state, self.sky, self.clock())
         names = tuple(host.id for host in hosts)
         for host in hosts:
             self.link.take_off(host.system_id, altitude_m)

@@ -120,6 +120,11 @@ class MissionState:
         aside = self.aside.get(host)
         return None if aside is None or (aside.until_s is not None and now_s >= aside.until_s) else aside.reason
 
+    def flies_to_m(self, host: str) -> tuple[Point, ...]:
+        """Return the points that a host on its way has still to fly to, ENU metres; none if it is not."""
+        progress = self.progress.get(host)
+        return progress.ahead_m if progress is not None and progress.flying else ()
+
 
 def apply(mission: MissionState, given: Input) -> MissionState:
     """Return the mission after an input."""
@@ -353,8 +358,8 @@ def _wished(
     """A host that has not heard the wish before this one may still fly what it flew then."""
     pending = dict(mission.pending)
     for host in hosts:
-        progress, before = mission.progress.get(host), pending.get(host)
-        ahead_m = progress.ahead_m if progress is not None and progress.flying else before.ahead_m if before else ()
+        before = pending.get(host)
+        ahead_m = mission.flies_to_m(host) or (before.ahead_m if before else ())
         pending[host] = Pending(wish=wish, since_s=time_s, by_operator=by_operator, ahead_m=ahead_m)
     return replace(mission, pending=MappingProxyType(pending))
 

@@ -1,5 +1,7 @@
 """Who of a plan's hosts departs when, and by which way, as the sky is now; and who may take off."""
 
+from collections.abc import Iterable
+
 from hsop_gcs.assignment import (
     Departure,
     Flight,
@@ -19,7 +21,6 @@ from hsop_gcs.mission.pipeline import flight_rules
 from hsop_gcs.mission.sky import Sky
 from hsop_gcs.mission.state import Plan
 from hsop_gcs.mission.traffic import unheard_m
-from hsop_gcs.placement.problem import Point
 
 
 def departures(plan: Plan, mission: MissionState, sky: Sky, now_s: float) -> tuple[Departure, ...]:
@@ -56,32 +57,34 @@ def departures(plan: Plan, mission: MissionState, sky: Sky, now_s: float) -> tup
     return arranged
 
 
-def why_grounded(host: Host, altitude_m: float, mission: MissionState, sky: Sky, now_s: float) -> Closed | None:
-    """Return the gate that keeps a host from climbing straight up to an altitude above its home; None: it may."""
-    aircraft, at = sky.aircraft(), sky.closed(mission, now_s).get(host.id)
-    if at is not None and at.gate not in ON_THE_GROUND:
-        return at
-    if aircraft[host.id].state.in_air:
-        return Closed(gate="on the ground", reason="the vehicle is in the air")
-    limits, known = mission.rules.planning.limits, situation(mission, (), now_s)
-    here_m, top_m = sky.above_home_m(host, 0.0), sky.above_home_m(host, altitude_m)
-    if top_m[2] > limits.ceiling_m:
-        reason = f"{top_m[2]:.0f} m above the origin is over the ceiling of {limits.ceiling_m:g} m"
-        return Closed(gate="ceiling", reason=reason)
+def check_take_off(hosts: Iterable[Host], altitude_m: float, mission: MissionState, sky: Sky, now_s: float) -> None:
+    """Raise Refused, naming the gate, unless hosts may all climb straight up to an altitude above their homes."""
+    aircraft, closed, known = sky.aircraft(), sky.closed(mission, now_s), situation(mission, (), now_s)
     rules = flight_rules(mission.rules.planning, known.sigmas)
-    climbing = Mover(id=host.id, position_m=here_m, speed_mps=limits.speed_mps, climb_mps=limits.climb_mps)
-    unsafe = why_unsafe(climbing, (top_m,), known.threats, rules)
-    if unsafe is not None:
-        return Closed(gate="climb", reason=f"its climb {unsafe}")
-    others = (
-        Flight(host=other, points_m=(each.position_m, *_ahead_m(mission, other), *unheard_m(mission, each)))
-        for other, each in aircraft.items()
+    in_the_air = [
+        Flight(host=name, points_m=(each.position_m, *mission.flies_to_m(name), *unheard_m(mission, each)))
+        for name, each in aircraft.items()
         if each.position_m is not None and each.state.in_air
-    )
-    other = in_the_way(Flight(host=host.id, points_m=(here_m, top_m)), others, rules.separation_m)
-    return None if other is None else Closed(gate="separation", reason=f"{other} is in the way of its climb")
+    ]
 
+    def gate(host: Host) -> Closed | None:
+        at = closed.get(host.id)
+        if at is not None and at.gate not in ON_THE_GROUND:
+            return at
+        if aircraft[host.id].state.in_air:
+            return Closed(gate="on the ground", reason="the vehicle is in the air")
+        limits = mission.rules.planning.limits
+        here_m, top_m = sky.above_home_m(host, 0.0), sky.above_home_m(host, altitude_m)
+        if top_m[2] > limits.ceiling_m:
+            reason = f"{top_m[2]:.0f} m above the origin is over the ceiling of {limits.ceiling_m:g} m"
+            return Closed(gate="ceiling", reason=reason)
+        climbing = Mover(id=host.id, position_m=here_m, speed_mps=limits.speed_mps, climb_mps=limits.climb_mps)
+        unsafe = why_unsafe(climbing, (top_m,), known.threats, rules)
+        if unsafe is not None:
+            return Closed(gate="climb", reason=f"its climb {unsafe}")
+        other = in_the_way(Flight(host=host.id, points_m=(here_m, top_m)), in_the_air, rules.separation_m)
+        return None if other is None else Closed(gate="separation", reason=f"{other} is in the way of its climb")
 
-def _ahead_m(mission: MissionState, host: str) -> tuple[Point, ...]:
-    progress = mission.progress.get(host)
-    return progress.ahead_m if progress is not None and progress.flying else ()
+    for host in hosts:
+        if (at := gate(host)) is not None:
+            raise Refused(f"host {host.id} does not take off, gate {at.gate}: {at.reason}")

@@ -135,7 +135,8 @@ def replan_reason(
     for order in newest.decision.orders:
         if order.host not in available:
             return f"host {order.host} is not available any more"
-    if newest is plans.flying and now_s > newest.decision.window_start_s:
+    # a decision that keeps the plan changes nothing for a host that waits: the next one is not due at once
+    if newest is plans.flying and now_s > max(newest.decision.window_start_s, newest.made_at_s + rules.retry_s):
         for host in waiting:
             return f"host {host} should be there and still waits to depart"
     if now_s > newest.expires_at_s:

@@ -124,6 +124,16 @@ def test_a_plan_is_due_when_its_hosts_should_be_there_and_one_has_not_been_able_
     assert replan_reason(flying, tracks, HOSTS, 106.0, RULES, PLANNING, ["h2"]) == reason
 
 
+def test_a_plan_that_is_kept_although_a_host_waits_is_not_asked_for_again_at_once() -> None:
+    threat, now_s = Threat(id="t1", position_m=(6.0, 0.0, 40.0), velocity_mps=(1.0, 0.0, 0.0)), 106.0
+    keeps = replace(decision(threat), keeps=True, window_start_s=now_s)
+    flying = with_proposal_flying(planned())
+    kept = with_decision(flying, keeps, asked=asked(threat), trigger="", now_s=now_s, horizon_s=10.0)
+    assert replan_reason(kept, (track("t1", 107, 7),), HOSTS, 107.0, RULES, PLANNING, ["h2"]) is None
+    reason = "host h2 should be there and still waits to depart"
+    assert replan_reason(kept, (track("t1", 109, 9),), HOSTS, 109.0, RULES, PLANNING, ["h2"]) == reason
+
+
 def test_a_threat_that_left_asks_for_a_plan_without_it() -> None:
     both = decision(
         Threat(id="t1", position_m=(5.0, 0.0, 40.0), velocity_mps=(1.0, 0.0, 0.0)),
