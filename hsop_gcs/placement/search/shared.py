@@ -18,6 +18,7 @@ computed from the prices, and holds. The bound of a number of hosts is the least
 a window of its field of view; the fisheyes see everything in range. Cells that hold the bound down are split.
 """
 
+from collections.abc import Mapping
 from concurrent.futures import Executor
 
 import numpy as np
@@ -40,15 +41,22 @@ ACTIVE = 0.02
 """Cells whose bracket is less than this share of the bound above the least hold it down."""
 
 
-def shared_bound(q: Question, n_hosts: int, own: Floats, cost: float, executor: Executor, *, most_cells: int) -> float:
-    """Return a cost that no placement with exactly so many hosts goes below; plane geometry only.
+def shared_bounds(
+    q: Question, costs: Mapping[int, float], own: Floats, executor: Executor, *, most_cells: int
+) -> dict[int, float]:
+    """Return for each number of hosts a cost that no placement with exactly so many goes below; plane geometry only.
 
-    n_hosts: fewer than two for each threat. own: (threats,) what each costs at least by itself. cost: the best known.
-    Looks at about ``most_cells`` places of shared hosts at most; ends when the bound reaches ``cost``.
+    costs: by the number of hosts, fewer than two for each threat, the best cost known: a bound that reaches it is good
+    enough. own: (threats,) what each threat costs at least by itself. Places of shared hosts are split into at most
+    ``most_cells`` for each number; what is known of them serves all numbers.
     """
-    kinds = [_Kinds(own, a, b, n_hosts, cost) for a, b in _kinds(len(own), n_hosts)]
     cells = _Cells(q, own, executor)
-    bound = float(own.sum())
+    return {n_hosts: _bound(cells, n_hosts, own, cost, most_cells) for n_hosts, cost in costs.items()}
+
+
+def _bound(cells: "_Cells", n_hosts: int, own: Floats, cost: float, most_cells: int) -> float:
+    kinds = [_Kinds(own, a, b, n_hosts, cost) for a, b in _kinds(len(own), n_hosts)]
+    bound, left = float(own.sum()), most_cells
     while kinds and len(cells.half):
         lowest = min(kind.settle(cells.costs) for kind in kinds)
         bound = max(bound, lowest)
@@ -57,7 +65,8 @@ def shared_bound(q: Question, n_hosts: int, own: Floats, cost: float, executor: 
         )
         active = np.unique(cells.of_row[brackets < ACTIVE * bound])
         active = active[cells.half[active] > FINEST_HALF_M]
-        if not active.size or cells.looked_at + 4 * active.size > most_cells:
+        left -= 4 * active.size
+        if not active.size or left < 0:
             break
         cells.split(active)
     return bound
@@ -164,7 +173,6 @@ class _Cells:
 
     def __init__(self, q: Question, own: Floats, executor: Executor) -> None:
         self.q, self._own, self._executor = q, own, executor
-        self.looked_at = 0
         reach = max(reach_m(q, threat) for threat in range(len(q.weight)))
         low, high = q.points_m.min(axis=(0, 1))[:2] - reach, q.points_m.max(axis=(0, 1))[:2] + reach
         axes = [np.arange(a + FIRST_HALF_M, b + FIRST_HALF_M, 2 * FIRST_HALF_M) for a, b in zip(low, high, strict=True)]
@@ -186,7 +194,6 @@ class _Cells:
     def _bounded(self, middle: Floats, half: Floats) -> tuple[Floats, Floats, Floats, npt.NDArray[np.bool_]]:
         """Return places where anything is seen, their halves, costs by camera (2, cells, threats) and windows."""
         q, count = self.q, len(self.q.weight)
-        self.looked_at += len(half)
         squares = np.column_stack([middle, half])
 
         def of_threat(threat: int) -> Floats:

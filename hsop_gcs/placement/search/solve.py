@@ -1,7 +1,7 @@
 """The search as a question and an answer: ``search``, ``frontier`` and ``warm_up``."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -13,12 +13,12 @@ from hsop_gcs.placement.fusion import fused_lower_bound, fuses
 from hsop_gcs.placement.problem import Formulation, Problem, Threat
 from hsop_gcs.placement.search.bounds import fewest_hosts, lower_bound, own_bounds
 from hsop_gcs.placement.search.frame import Frame
-from hsop_gcs.placement.search.model import Question
+from hsop_gcs.placement.search.model import Floats, Question
 from hsop_gcs.placement.search.numbers import ROUNDS_TO_REFUSE, Courses, least_acceptable
 from hsop_gcs.placement.search.polish import polish
 from hsop_gcs.placement.search.question import frame_of, placement_of, question_of, state_of
 from hsop_gcs.placement.search.rounds import LANES, Course, run
-from hsop_gcs.placement.search.shared import shared_bound
+from hsop_gcs.placement.search.shared import shared_bounds
 from hsop_gcs.placement.search.state import State, new_state
 from hsop_gcs.placement.search.wanted import Wanted
 from hsop_gcs.placement.solution import Placement, Status
@@ -29,8 +29,10 @@ WORTH_A_PROOF = 1.3
 PROOF_S_PER_THREAT = 0.3
 """What must be left for a thorough bound, several times what it takes."""
 CELLS_TO_SHARE, MOST_TO_SHARE, SHARED_S_PER_THREAT = 2_000, 4, 0.4
-"""How many cells a bound for shared hosts looks at, for at most so many threats, and what must be left of the time for
-it, several times what it takes."""
+"""Into how many cells a bound for shared hosts splits their places, for at most so many threats, and what must be left
+of the time for it, several times what it takes."""
+MOST_FOR_BOUNDS = 0.4
+"""The share of a frontier's time that is kept for its bounds, at most."""
 PATIENCE_PER_THREAT = 1
 """A search is settled when so many rounds for each threat have gained nothing: more seldom find what others missed."""
 
@@ -117,6 +119,8 @@ def frontier(
         deadline = math.inf
     frame = frame_of(problem)
     q = question_of(problem, frame)
+    bound_s = (PROOF_S_PER_THREAT + SHARED_S_PER_THREAT) * len(q.weight) if thorough_bound and _may_share(q) else 0.0
+    last_round = deadline - min(bound_s, MOST_FOR_BOUNDS * (deadline - started))
     most = most_hosts(problem)
     wanted = numbers if numbers is not None else range(max(2, fewest_hosts(q)), most + 1)
     courses = Courses(q, seed)
@@ -125,7 +129,7 @@ def frontier(
         while iterations is None or turn < iterations:
             for count in (n for n in wanted if n <= most):
                 began = now()
-                if iterations is None and turn > 0 and began + slowest > deadline:
+                if iterations is None and turn > 0 and began + slowest > last_round:
                     break
                 if turn > ROUNDS_TO_REFUSE and not courses.course(count).pool.best and count < max(courses.numbers()):
                     continue
@@ -133,13 +137,15 @@ def frontier(
                 progress(courses.rounds)
                 slowest = max(0.7 * slowest, now() - began)
             turn += 1
-            if iterations is None and now() + slowest > deadline:
+            if iterations is None and now() + slowest > last_round:
                 break
-        bound = lower_bound(q, executor, thorough=thorough_bound and (iterations is not None or now() < deadline))
+        costs = {count: course.pool.cost for count, course in sorted(courses.by_number.items())}
+        own = own_bounds(q, executor, thorough=thorough_bound and now() < deadline)
+        bounds = _bounds(q, own, costs, executor, deadline if thorough_bound else -math.inf, now)
         least_costly = Wanted(problem, frame, q, None, seed=seed, executor=executor)
     found = {count: least_costly.best(courses.course(count)) for count in sorted(courses.by_number)}
     return {
-        count: _answer(problem, frame, q, best, bound, seed, now() - started, count, most)
+        count: _answer(problem, frame, q, best, bounds[count], seed, now() - started, count, most)
         for count, best in found.items()
         if best is not None
     }
@@ -199,15 +205,39 @@ def _run_until_proven(
     cost = course.pool.cost
     if cost <= own.sum() * WORTH_A_PROOF and now() + PROOF_S_PER_THREAT * threats < deadline:
         own = own_bounds(q, executor, thorough=True)
-    bound = float(own.sum())
-    sharing = q.plane and threats <= MOST_TO_SHARE and course.n_hosts < 2 * threats
-    if sharing and bound * (1 + PROVEN_GAP) < cost < math.inf and now() + SHARED_S_PER_THREAT * threats < deadline:
-        bound = shared_bound(q, course.n_hosts, own, cost, executor, most_cells=CELLS_TO_SHARE)
+    bound = _bounds(q, own, {course.n_hosts: cost}, executor, deadline, now)[course.n_hosts]
     if cost <= bound * (1 + PROVEN_GAP):
         return bound
     rest = None if rounds is None else rounds - first
     run(course, executor, deadline=deadline, now=now, rounds=rest, patience=patience)
     return bound
+
+
+def _bounds(
+    q: Question,
+    own: Floats,
+    costs: Mapping[int, float],
+    executor: ThreadPoolExecutor,
+    deadline: float,
+    now: Callable[[], float],
+) -> dict[int, float]:
+    """Return the lower bound for each number of hosts, of which the best cost is known, with regard to hosts that are
+    shared where that is cheap and there is time."""
+    threats, bound = len(own), float(own.sum())
+    bounds = dict.fromkeys(costs, bound)
+    if _may_share(q) and now() + SHARED_S_PER_THREAT * threats < deadline:
+        open_costs = {
+            number: cost
+            for number, cost in costs.items()
+            if number < 2 * threats and bound * (1 + PROVEN_GAP) < cost < math.inf
+        }
+        if open_costs:
+            bounds |= shared_bounds(q, open_costs, own, executor, most_cells=CELLS_TO_SHARE)
+    return bounds
+
+
+def _may_share(q: Question) -> bool:
+    return q.plane and len(q.weight) <= MOST_TO_SHARE
 
 
 def _answer(

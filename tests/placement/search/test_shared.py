@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from hsop_gcs.placement.problem import Formulation, Objective, Problem
-from hsop_gcs.placement.search import search
+from hsop_gcs.placement.search import frontier, search
 from hsop_gcs.placement.search.bounds import own_bounds
 from hsop_gcs.placement.search.chance import seeded
 from hsop_gcs.placement.search.model import Question
 from hsop_gcs.placement.search.neighbourhood import fresh
 from hsop_gcs.placement.search.question import frame_of, question_of
-from hsop_gcs.placement.search.shared import shared_bound
+from hsop_gcs.placement.search.shared import shared_bounds
 from hsop_gcs.placement.search.state import State, new_state, refresh, set_view, totals
 from hsop_gcs.placement.solution import Status
 from tests.placement.examples import problem, random_threats, read
@@ -28,7 +28,7 @@ def bounds(question: Problem, n_hosts: int, cost: float = 50.0, cells: int = CEL
     q = question_of(question, frame_of(question))
     with ThreadPoolExecutor(1) as executor:
         own = own_bounds(q, executor, thorough=False)
-        return float(own.sum()), shared_bound(q, n_hosts, own, cost, executor, most_cells=cells)
+        return float(own.sum()), shared_bounds(q, {n_hosts: cost}, own, executor, most_cells=cells)[n_hosts]
 
 
 def drawn(threats: int, seed: int, side_m: float = 50.0, **settings: object) -> Problem:
@@ -116,3 +116,11 @@ def test_a_plan_tells_it() -> None:
     assert found.cost is not None
     assert found.status is Status.FEASIBLE
     assert 0.9 * found.cost <= found.lower_bound <= found.cost
+
+
+def test_a_frontier_tells_it_for_every_number_of_hosts() -> None:
+    question = problem("2-threats-103")
+    found = frontier(question, seed=0, deadline=math.inf, now=lambda: 0.0, iterations=2)
+    bounds_of = {number: placement.lower_bound for number, placement in found.items()}
+    assert bounds_of[2] >= bounds_of[3] * (1 - 1e-9) > 1.7 * bounds_of[4]
+    assert all(placement.lower_bound <= (placement.cost or 0.0) for placement in found.values())
