@@ -183,6 +183,8 @@ class _File(_Section):
     threats: Annotated[tuple[_Threat, ...], Field(min_length=1, max_length=1000)]
     parameters: Any = None
     hosts: Any = None
+    fence: Any = None
+    keep_outs: Any = None
     """A scenario file has these; they are nothing to the truth."""
 
     @model_validator(mode="after")

@@ -1,4 +1,6 @@
-"""docs/planning.md names every field of a scenario file and every planning setting, with its default."""
+"""docs/planning.md names every field of a scenario file and every planning setting, with its default; what docs show as
+files are such files.
+"""
 
 import json
 import re
@@ -7,21 +9,31 @@ from pathlib import Path
 import pytest
 
 from hsop_gcs.errors import BadInput
+from hsop_gcs.geometry.frames import GeodeticPoint
 from hsop_gcs.placement.scenario import problem_from_json
 from hsop_gcs.settings.sections import PlanningSection
+from hsop_gcs.simulator.truth import truth_from_json
 
-TEXT = (Path(__file__).parents[1] / "docs" / "planning.md").read_text(encoding="utf-8")
+DOCS = Path(__file__).parents[1] / "docs"
+TEXT = (DOCS / "planning.md").read_text(encoding="utf-8")
 SCENARIO, MINIMISED = TEXT.split("## What is minimised")
 SETTINGS = MINIMISED.split("## `[planning]` of FLEET.toml")[1]
 
 
-def example() -> dict[str, object]:
-    return dict(json.loads(SCENARIO.split("```json")[1].split("```")[0]))
+def example(text: str = SCENARIO) -> dict[str, object]:
+    return dict(json.loads(text.split("```json")[1].split("```")[0]))
 
 
 def test_the_scenario_shown_is_one() -> None:
     problem = problem_from_json(example())
     assert (len(problem.threats), len(problem.hosts), len(problem.rigs)) == (1, 2, 2)
+
+
+@pytest.mark.parametrize("document", ["planning.md", "simulator.md"])
+def test_the_truth_shown_and_the_scenario_are_what_simulated_cameras_can_be_given(document: str) -> None:
+    origin = GeodeticPoint(lat_deg=47.397742, lon_deg=8.545594, altitude_amsl_m=488.0)
+    given = example((DOCS / document).read_text(encoding="utf-8"))
+    assert "t1" in {threat.id for threat in truth_from_json(given, origin).threats}
 
 
 @pytest.mark.parametrize("place", ["parameters", "threats", "hosts", "keep_outs"])
