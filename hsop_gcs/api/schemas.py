@@ -329,6 +329,13 @@ class PlanningHealth(BaseModel):
     fault: str | None
 
 
+class JournalHealth(BaseModel):
+    file: str
+    bytes_cut: int
+    """Of a line that was being written when the service before this one ended; it had not taken effect."""
+    fault: str | None
+
+
 class LinkHealth(BaseModel):
     """Frames and datagrams since the service started."""
 
@@ -359,6 +366,8 @@ class HealthOut(BaseModel):
     reports: ReportCounts
     detections: DetectionCounts
     planning: PlanningHealth
+    journal: JournalHealth | None
+    """None: the service keeps none."""
     gates: dict[str, int]
     """How often each gate closed for a host that was open before, and each traffic rule stopped a flying one."""
     link: LinkHealth

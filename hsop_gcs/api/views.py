@@ -14,6 +14,7 @@ from hsop_gcs.api.schemas import (
     HostLinkOut,
     HostOut,
     HoverOut,
+    JournalHealth,
     LinkHealth,
     OrderOut,
     PendingOut,
@@ -31,6 +32,7 @@ from hsop_gcs.assignment import HostOrder
 from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.fleet import Host
 from hsop_gcs.geometry.frames import Aim, GeodeticPoint
+from hsop_gcs.journal import Journal
 from hsop_gcs.link.protocol.gimbal import separation_deg
 from hsop_gcs.link.pump import Link
 from hsop_gcs.link.vehicle import Progress
@@ -172,9 +174,15 @@ def health_out(mission: Mission, started_at_s: float) -> HealthOut:
             last_solve_s=None if newest is None else newest.decision.placement.solve_time_s,
             fault=mission.solver_fault,
         ),
+        journal=None if mission.journal is None else _journal(mission.journal, mission.journal_fault),
         gates=dict(mission.sky.closings),
         link=_link(mission.link),
     )
+
+
+def _journal(journal: Journal, fault: str | None) -> JournalHealth:
+    repair = journal.repair
+    return JournalHealth(file=str(journal.path), bytes_cut=0 if repair is None else repair.bytes_cut, fault=fault)
 
 
 def _reports(mission: Mission) -> ReportCounts:

@@ -3,13 +3,17 @@
     {"n": 1, "t": 1763800000.25, "kind": "report", "data": {...}, "crc": "1c291ca3"}
 
 A line is handed to the operating system before what it records takes effect, so that the end of the process (SIGKILL
-included) loses nothing; only a line that was being written can be torn, and that one had no effect yet.
+included) loses nothing; only a line that was being written can be torn, and that one had no effect yet. What a full
+disk leaves of a line is cut off before the next one. One process writes a journal at a time.
 """
 
+import errno
+import fcntl
 import json
 import os
 import zlib
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -40,35 +44,51 @@ class Journal:
     """Appends entries to a file. Opening an existing one repairs its end and goes on with its numbers."""
 
     def __init__(self, path: Path) -> None:
-        """Open or create. Raises Unavailable if the file cannot be written, BadInput if it is damaged elsewhere."""
+        """Open or create. Raises Unavailable if the file cannot be written or another process writes it, BadInput if it
+        is damaged elsewhere.
+        """
         self.path = path
         self.repair: Repair | None = None
-        self._number = 0
+        self._number = self._end = 0
+        self._torn = False
         try:
-            if path.exists():
-                self._continue()
             self._file: BinaryIO = path.open("ab", buffering=0)
+            with ExitStack() as on_failure:
+                on_failure.callback(self._file.close)
+                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                self._continue()
+                on_failure.pop_all()
+        except BlockingIOError as error:
+            raise Unavailable(f"journal {str(path)!r}: another process writes it") from error
         except OSError as error:
             raise Unavailable(f"journal {str(path)!r}: {error.strerror}") from error
 
     def _continue(self) -> None:
-        good = 0
         for entry, end in _entries(self.path):
-            self._number, good = entry.number, end
-        torn = self.path.stat().st_size - good
+            self._number, self._end = entry.number, end
+        torn = self.path.stat().st_size - self._end
         if torn:
-            os.truncate(self.path, good)
+            os.ftruncate(self._file.fileno(), self._end)
             self.repair = Repair(bytes_cut=torn, after_entry=self._number)
 
     def append(self, kind: str, data: Any, *, time_s: float) -> int:
-        """Write one entry and return its number. ``data``: what JSON can hold."""
-        self._number += 1
+        """Write one entry and return its number. ``data``: what JSON can hold.
+
+        Raises OSError if it is not written whole; then it is not in the journal, and the next one takes its number.
+        """
+        number = self._number + 1
         body = json.dumps(
-            {"n": self._number, "t": time_s, "kind": kind, "data": data}, ensure_ascii=False, separators=(",", ":")
+            {"n": number, "t": time_s, "kind": kind, "data": data}, ensure_ascii=False, separators=(",", ":")
         )
         line = f'{body[:-1]},"crc":"{zlib.crc32(body.encode()):08x}"}}\n'.encode()
-        self._file.write(line)
-        return self._number
+        if self._torn:
+            os.ftruncate(self._file.fileno(), self._end)
+        self._torn = True
+        if self._file.write(line) < len(line):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        self._torn = False
+        self._number, self._end = number, self._end + len(line)
+        return number
 
     def close(self) -> None:
         """Close the file; what was appended is on its way to the disk."""

@@ -1,6 +1,7 @@
 """The journal's file: nothing written is lost, and a torn end is repaired and told."""
 
 import json
+import resource
 from pathlib import Path
 
 import pytest
@@ -72,6 +73,32 @@ def test_a_missing_line_is_noticed(tmp_path: Path) -> None:
     path.write_bytes(lines[0] + lines[2])
     with pytest.raises(BadInput, match="line 2 is damaged"):
         list(read(path))
+
+
+def test_a_disk_that_was_full_costs_only_what_was_refused(tmp_path: Path) -> None:
+    path, unlimited = tmp_path / "j", resource.getrlimit(resource.RLIMIT_FSIZE)
+    whole = len(written(path, 2))
+    with Journal(path) as journal:
+        for room in (0, 10, 30):
+            resource.setrlimit(resource.RLIMIT_FSIZE, (whole + room, unlimited[1]))
+            try:
+                with pytest.raises(OSError, match=r"No space left|File too large"):
+                    journal.append("report", {"k": "refused"}, time_s=1.0)
+            finally:
+                resource.setrlimit(resource.RLIMIT_FSIZE, unlimited)
+            assert path.stat().st_size == whole + room
+        assert journal.append("report", {"k": "accepted"}, time_s=2.0) == 3
+    assert [entry.data["k"] for entry in read(path)] == [0, 1, "accepted"]
+
+
+def test_two_processes_do_not_write_one_journal(tmp_path: Path) -> None:
+    path = tmp_path / "j"
+    with Journal(path) as journal:
+        with pytest.raises(Unavailable, match="another process writes it"):
+            Journal(path)
+        journal.append("report", 1, time_s=0.0)
+    with Journal(path) as journal:
+        assert journal.append("report", 2, time_s=0.0) == 2
 
 
 def test_a_place_that_cannot_be_written_is_said_so(tmp_path: Path) -> None:
