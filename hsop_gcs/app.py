@@ -27,7 +27,7 @@ from hsop_gcs.mission.controller import Mission
 from hsop_gcs.mission.records import recover
 from hsop_gcs.mission.solver import Solver
 from hsop_gcs.settings import Settings
-from hsop_gcs.tracks import kernels
+from hsop_gcs.tracks import track_kernels
 
 _WATCHDOG_S = 3.0
 """A mission that has not moved for so long is dead: our heartbeat stops, and the vehicles' own failsafes act."""
@@ -49,7 +49,7 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
                 log.warning("journal %s: its last line was torn; %d bytes were cut off", path, journal.repair.bytes_cut)
         solver = await stack.enter_async_context(Solver())
         # before the loop has anything to do: compiling would stop it for seconds
-        kernels.warm_up()
+        track_kernels.warm_up()
         triangulation.warm_up()
         tlog = None
         if settings.service.tlog is not None:

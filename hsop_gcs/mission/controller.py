@@ -274,8 +274,8 @@ class Mission:
 
     def _age(self, now_s: float) -> None:
         after, gone = prune(self.state.picture, now_s, self.state.rules.tracks)
-        for track in gone:
-            log.info("threat %s has not been reported for %.0f s: it has left", track.id, now_s - track.time_s)
+        for threat_id, last_s in gone.items():
+            log.info("threat %s has not been reported for %.0f s: it has left", threat_id, now_s - last_s)
         changed = after.tracks is not self.state.picture.tracks
         if changed or let_go(self.state.watch, now_s, self.state.rules.detections) is not self.state.watch:
             self._take(TimePassed(time_s=now_s))

@@ -5,7 +5,6 @@
 """
 
 from hsop_gcs.tracks.filter import State
-from hsop_gcs.tracks.gate import explained
 from hsop_gcs.tracks.history import state_before
 from hsop_gcs.tracks.picture import Picture, Verdict, dismiss, prune, update
 from hsop_gcs.tracks.rules import ConfirmAtOnce, TrackRules
@@ -24,7 +23,6 @@ __all__ = [
     "TrackStatus",
     "Verdict",
     "dismiss",
-    "explained",
     "prune",
     "state_before",
     "update",

@@ -10,175 +10,185 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from hsop_gcs.reports import Bearing, Measurement, Report
-from hsop_gcs.tracks.filter import FloatArray, State, surely_within
-from hsop_gcs.tracks.gate import Stack, distances, gate, impossible
-from hsop_gcs.tracks.history import Steps, can_take, state_before
+from hsop_gcs.tracks import kernels
+from hsop_gcs.tracks.filter import FloatArray
+from hsop_gcs.tracks.gate import distances, gate, impossible
+from hsop_gcs.tracks.history import History, can_take, state_before, step_before
+from hsop_gcs.tracks.kernels import FORBIDDEN
 from hsop_gcs.tracks.rules import TrackRules
 from hsop_gcs.tracks.sources import Refusal, RefusalKind
-from hsop_gcs.tracks.track import Track, TrackStatus
-
-_FORBIDDEN = 1e9
-"""Cost of a pair outside its gate; above any sum of the others."""
-_SECOND_CHOICE = 1e4
-"""Added for a tentative track; above any sum of distances inside gates: confirmed ones come first."""
+from hsop_gcs.tracks.table import Table
+from hsop_gcs.tracks.track import Track
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True)
 class Association:
     """What became of one scan, by the index of each measurement in it; those in neither mapping are of new threats."""
 
-    tracks: Mapping[int, str]
-    """The id of the track it belongs to."""
-    refusals: Mapping[int, Refusal]
-    released: frozenset[int]
+    tracks: dict[int, int] = field(default_factory=dict)
+    """The row of the track it belongs to."""
+    refusals: dict[int, Refusal] = field(default_factory=dict)
+    released: set[int] = field(default_factory=set)
     """Those whose id is bound no more to the track it was bound to."""
 
 
 def associate(
-    tracks: Mapping[str, Track],
-    newest: Stack,
+    table: Table,
     scan: Sequence[Measurement],
+    rows: FloatArray,
     suspects: Mapping[int, Refusal],
     rules: TrackRules,
 ) -> Association:
     """Give each measurement of a scan to at most one track, and each track at most one measurement.
 
-    ``newest``: of all tracks. ``suspects``: measurements that are refused unless they bear a known threat's id and lie
-    in its gate.
+    ``rows``: of the scan. ``suspects``: measurements that are refused unless they bear a known threat's id and lie in
+    its gate.
     """
-    hinted = _hints(tracks, scan)
-    found = _Found(refusals={index: refusal for index, refusal in suspects.items() if index not in hinted})
-    _follow_hints(tracks, scan, hinted, suspects, rules, found)
-    free = {index: each for index, each in enumerate(scan) if index not in found.tracks and index not in found.refusals}
+    hinted = _hints(table, scan)
+    found = Association(refusals={index: refusal for index, refusal in suspects.items() if index not in hinted})
+    if hinted:
+        _follow_hints(table, scan, rows, hinted, suspects, rules, found)
+    free = [index for index in range(len(scan)) if index not in found.tracks and index not in found.refusals]
     if free:
-        _add_nearest(tracks, newest, free, {index: hinted[index] for index in found.released}, rules, found)
-    return Association(tracks=found.tracks, refusals=found.refusals, released=frozenset(found.released))
-
-
-@dataclass(slots=True, kw_only=True)
-class _Found:
-    """An association in the making."""
-
-    tracks: dict[int, str] = field(default_factory=dict)
-    refusals: dict[int, Refusal]
-    released: set[int] = field(default_factory=set)
+        _add_nearest(table, scan, rows, free, {index: hinted[index] for index in found.released}, rules, found)
+    return found
 
 
 def _follow_hints(
-    tracks: Mapping[str, Track],
+    table: Table,
     scan: Sequence[Measurement],
-    hinted: Mapping[int, str],
+    rows: FloatArray,
+    hinted: Mapping[int, int],
     suspects: Mapping[int, Refusal],
     rules: TrackRules,
-    found: _Found,
+    found: Association,
 ) -> None:
     """Give measurements to the tracks their ids stand for, unless that is impossible."""
-    states: dict[int, State] = {}
-    for index, track_id in hinted.items():
-        measurement, track = scan[index], tracks[track_id]
-        state = state_before(track.steps, measurement.time_s)
-        if (refusal := _untimely(track, measurement, rules)) is not None:
-            found.refusals[index] = refusal
-        elif isinstance(measurement, Report) and surely_within(state, measurement, gate(measurement, rules), rules):
-            found.tracks[index] = track_id
-        else:
-            states[index] = state
-    if not states:
-        return
-    squared, _ = distances(list(states.values()), [scan[index] for index in states], rules)
-    for index, distance in zip(states, squared.tolist(), strict=True):
-        measurement, track = scan[index], tracks[hinted[index]]
+    newest = table.newest
+    newest_s = table.log.steps.times_s[newest].tolist()
+    steps: dict[int, int] = {}
+    for index, row in hinted.items():
+        measurement, steps[index] = scan[index], newest.item(row)
+        if measurement.time_s <= newest_s[row]:
+            track = table.track(row)
+            steps[index] = step_before(track.steps, measurement.time_s)
+            if (refusal := _untimely(track, measurement, rules)) is not None:
+                found.refusals[index] = refusal
+    open_ = [index for index in hinted if index not in found.refusals]
+    for index, distance in zip(open_, _distances(table, scan, rows, steps, open_, rules), strict=True):
+        measurement, row = scan[index], hinted[index]
         if index in suspects and distance > gate(measurement, rules):
             found.refusals[index] = suspects[index]
         elif distance < impossible(measurement, rules):
-            found.tracks[index] = track.id
-        elif isinstance(measurement, Bearing) or _is_held_by_others(track, measurement, rules):
+            found.tracks[index] = row
+        elif isinstance(measurement, Bearing) or _is_held_by_others(track := table.track(row), measurement, rules):
             found.released.add(index)
         elif (refusal := _out_of_reach(track, measurement, rules)) is not None:
             found.refusals[index] = refusal
         else:
-            found.tracks[index] = track.id
+            found.tracks[index] = row
 
 
-def _hints(tracks: Mapping[str, Track], scan: Sequence[Measurement]) -> dict[int, str]:
-    """Return the track that each measurement's id stands for, by index; a track at most once."""
-    found: dict[int, str] = {}
-    taken: set[str] = set()
-    for index, each in enumerate(scan):
-        track_id = each.track_id if each.track_id in tracks else _bound_to(tracks, each.source, each.threat_id)
-        if track_id is not None and track_id not in taken:
-            found[index] = track_id
-            taken.add(track_id)
+def _distances(
+    table: Table,
+    scan: Sequence[Measurement],
+    rows: FloatArray,
+    steps: Mapping[int, int],
+    chosen: Sequence[int],
+    rules: TrackRules,
+) -> list[float]:
+    """The squared Mahalanobis distances of chosen measurements of a scan from what was believed after steps."""
+    at = np.array([steps[index] for index in chosen], dtype=np.int64)
+    squared = kernels.distances(*table.log.steps[:3], at, rows[chosen], rules.acceleration_psd_m2ps3)
+    for number, index in enumerate(chosen):
+        if isinstance(bearing := scan[index], Bearing):
+            squared[number] = distances([table.log.state(steps[index])], [bearing], rules)[0][0]
+    found: list[float] = squared.tolist()
     return found
 
 
-def _bound_to(tracks: Mapping[str, Track], source: str, threat_id: str | None) -> str | None:
-    """Return the track that a source's id stands for. Most bear that very id, which spares the search."""
-    if threat_id is None:
-        return None
-    namesake = tracks.get(threat_id)
-    if namesake is not None and namesake.is_bound_to(source, threat_id):
-        return namesake.id
-    return next((track.id for track in tracks.values() if track.is_bound_to(source, threat_id)), None)
+def _hints(table: Table, scan: Sequence[Measurement]) -> dict[int, int]:
+    """Return the row of the track that each measurement's id stands for, by index; a track at most once."""
+    found: dict[int, int] = {}
+    taken: set[int] = set()
+    for index, each in enumerate(scan):
+        if each.track_id in table.rows:
+            row: int | None = table.rows[each.track_id]
+        elif each.threat_id is None:
+            continue
+        else:
+            row = _bound_to(table, (each.source, each.threat_id))
+        if row is not None and row not in taken:
+            found[index] = row
+            taken.add(row)
+    return found
+
+
+def _bound_to(table: Table, binding: tuple[str, str]) -> int | None:
+    """Return the row of the track that a source's id stands for. Most bear that very id, which spares the search."""
+    namesake = table.rows.get(binding[1])
+    if namesake is not None and binding in table.names[namesake].sources:
+        return namesake
+    return next((row for row, name in enumerate(table.names) if binding in name.sources), None)
 
 
 def _add_nearest(
-    tracks: Mapping[str, Track],
-    newest: Stack,
-    scan: Mapping[int, Measurement],
-    barred: Mapping[int, str],
+    table: Table,
+    scan: Sequence[Measurement],
+    rows: FloatArray,
+    free: Sequence[int],
+    barred: Mapping[int, int],
     rules: TrackRules,
-    found: _Found,
+    found: Association,
 ) -> None:
     """Global nearest neighbour: the pairs inside their gates with the least sum of -2 log likelihood."""
-    indices, measurements = list(scan), list(scan.values())
-    values = _in_gates(tracks, newest, measurements, rules)
-    taken = set(found.tracks.values())
-    cost = np.full(values.shape, _FORBIDDEN)
-    for row, column in np.argwhere(values < np.inf).tolist():
-        track, measurement, index = tracks[newest.ids[column]], measurements[row], indices[row]
-        if track.id in taken or barred.get(index) == track.id or _has_other_id(track, measurement):
+    cost, doubtful = kernels.in_gates(
+        *table.log.steps[:3],
+        table.facts,
+        rows if len(free) == len(scan) else rows[free],
+        rules.acceleration_psd_m2ps3,
+        rules.scan_s,
+    )
+    doubts = set(map(tuple, doubtful.tolist()))
+    for number, index in enumerate(free):
+        if isinstance(bearing := scan[index], Bearing) and table.names:
+            cost[number, : len(table)] = _costs(table, bearing, rules)
+            doubts |= {(number, row) for row in range(len(table)) if cost[number, row] < FORBIDDEN}
+    if found.tracks:
+        cost[:, list(found.tracks.values())] = FORBIDDEN
+    for number, row in sorted(doubts):
+        if cost[number, row] == FORBIDDEN:
             continue
-        same_scan = _of_same_scan(track.steps, measurement, rules)
-        if measurement in same_scan:
+        index, track = free[number], table.track(row)
+        same_scan = _of_same_scan(track.steps, scan[index], rules)
+        barring = barred.get(index) == row or _has_other_id(track, scan[index])
+        if barring or same_scan:
+            cost[number, row] = FORBIDDEN
+        if scan[index] in same_scan and not barring:
             found.refusals[index] = _duplicate(track)
-        elif not same_scan:
-            second = _SECOND_CHOICE if track.status is TrackStatus.TENTATIVE else 0.0
-            cost[row, column] = values[row, column] + second
-    assigned_rows, assigned_columns = linear_sum_assignment(cost)
-    for row, column in zip(assigned_rows.tolist(), assigned_columns.tolist(), strict=True):
-        index = indices[row]
-        if cost[row, column] < _FORBIDDEN and index not in found.refusals:
-            track = tracks[newest.ids[column]]
-            refusal = _untimely(track, measurements[row], rules)
+    for number, row in enumerate(kernels.assigned(cost).tolist()):
+        index = free[number]
+        if cost[number, row] < FORBIDDEN and index not in found.refusals:
+            doubted = (number, row) in doubts
+            refusal = _untimely(table.track(row), scan[index], rules) if doubted else None
             if refusal is None:
-                found.tracks[index] = track.id
+                found.tracks[index] = row
             else:
                 found.refusals[index] = refusal
-    for index, measurement in scan.items():
-        if isinstance(measurement, Bearing) and index not in found.tracks and index not in found.refusals:
+    for index in free:
+        if isinstance(bearing := scan[index], Bearing) and index not in found.tracks and index not in found.refusals:
             found.refusals[index] = Refusal(
-                RefusalKind.UNEXPLAINED, "direction", f"no known threat lies there, as {measurement.source!r} sees it"
+                RefusalKind.UNEXPLAINED, "direction", f"no known threat lies there, as {bearing.source!r} sees it"
             )
 
 
-def _in_gates(
-    tracks: Mapping[str, Track], newest: Stack, measurements: Sequence[Measurement], rules: TrackRules
-) -> FloatArray:
-    """Return (measurements, tracks): squared distance plus log det S of each pair inside its gate, else infinity."""
-    values = np.full((len(measurements), len(newest.ids)), np.inf)
-    rows = [row for row, each in enumerate(measurements) if isinstance(each, Report)]
-    if rows:
-        values[rows] = newest.in_gates([each for each in measurements if isinstance(each, Report)], rules)
-    for row, bearing in enumerate(measurements):
-        if isinstance(bearing, Bearing) and tracks:
-            states = [tracks[track_id].state for track_id in newest.ids]
-            squared, log_det = distances(states, [bearing] * len(states), rules)
-            values[row] = np.where(squared <= gate(bearing, rules), squared + log_det, np.inf)
-    return values
+def _costs(table: Table, bearing: Bearing, rules: TrackRules) -> FloatArray:
+    """Return what it costs to give a bearing to each track, as ``kernels.in_gates`` does."""
+    squared, log_det = distances([table.log.state(at) for at in table.newest.tolist()], [bearing] * len(table), rules)
+    second = np.where(table.facts[:, kernels.STATUS] == kernels.TENTATIVE, kernels.SECOND_CHOICE, 0.0)
+    return np.where(squared <= gate(bearing, rules), squared + log_det + second, FORBIDDEN)
 
 
 def _has_other_id(track: Track, measurement: Measurement) -> bool:
@@ -188,10 +198,10 @@ def _has_other_id(track: Track, measurement: Measurement) -> bool:
     )
 
 
-def _of_same_scan(steps: Steps, measurement: Measurement, rules: TrackRules) -> list[Measurement]:
+def _of_same_scan(steps: History, measurement: Measurement, rules: TrackRules) -> list[Measurement]:
     """Return what the same source has said of the track at the same time."""
     found: list[Measurement] = []
-    for each in reversed(steps):
+    for each in steps:
         if each.time_s < measurement.time_s - rules.scan_s:
             break
         if each.measurement.source == measurement.source and each.time_s <= measurement.time_s + rules.scan_s:
@@ -200,6 +210,8 @@ def _of_same_scan(steps: Steps, measurement: Measurement, rules: TrackRules) -> 
 
 
 def _untimely(track: Track, measurement: Measurement, rules: TrackRules) -> Refusal | None:
+    if measurement.time_s > track.time_s:
+        return None
     if not can_take(track.steps, measurement, rules):
         late_s = track.time_s - measurement.time_s
         return Refusal(
@@ -207,8 +219,6 @@ def _untimely(track: Track, measurement: Measurement, rules: TrackRules) -> Refu
             "time",
             f"{late_s:.1f} s older than the newest report of threat {track.id!r}; the limit is {rules.lag_s:g} s",
         )
-    if measurement.time_s > track.time_s:
-        return None
     repeated = any(
         each.time_s == measurement.time_s and _same_sighting(each.measurement, measurement) for each in track.steps
     )

@@ -6,20 +6,17 @@ Navigation, 5.2 (update in Joseph form) and 6.2.2 (continuous white-noise accele
 many, go through ``kernels``; what is here is for bearings, and for looking at a state at another time.
 """
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from hsop_gcs.reports import Bearing, Measurement, Report
-from hsop_gcs.tracks.rules import TrackRules
+from hsop_gcs.reports import Bearing, Measurement
 
 FloatArray = npt.NDArray[np.float64]
 
-_AXES, _NUMBERS = np.arange(3), np.arange(6)
+_AXES = np.arange(2)
 _AT_REST = (0.0, 0.0, 0.0)
 _IDENTITY = np.eye(6)
 _DRIFT = np.eye(6, k=3)
@@ -31,8 +28,7 @@ _NEAREST_M = 0.1
 """A threat nearer to a camera than this, along its ray, or behind it, was not what the camera saw."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class State:
+class State(NamedTuple):
     """What is believed of one threat at one time: mean (6,) and covariance (6, 6), ENU."""
 
     time_s: float
@@ -56,8 +52,6 @@ class State:
             and np.array_equal(self.mean, other.mean)
             and np.array_equal(self.covariance, other.covariance)
         )
-
-    __hash__ = None  # type: ignore[assignment]
 
 
 class Innovation(NamedTuple):
@@ -149,54 +143,6 @@ def subset(seen: Innovation, chosen: npt.NDArray[np.bool_]) -> Innovation:
     return Innovation(seen.residual[chosen], seen.matrix[chosen], seen.noise[chosen])
 
 
-def surely_within(state: State, report: Report, gate: float, rules: TrackRules) -> bool:
-    """Return True if the report is in its gate even for a state without any error; False leaves it open.
-
-    The quick answer for most reports: S exceeds R, so r' S^-1 r is at most r' R^-1 r.
-    """
-    if report.covariance_m2 is not None:
-        return False
-    elapsed_s = report.time_s - state.time_s
-    x, y, z, vx, vy, vz = state.mean.tolist()
-    expected = (x + elapsed_s * vx, y + elapsed_s * vy, z + elapsed_s * vz)
-    distance = (math.dist(expected, report.position_m) / _position_sigma(report, rules)) ** 2
-    if report.velocity_mps is not None:
-        distance += (math.dist((vx, vy, vz), report.velocity_mps) / _velocity_sigma(report, rules)) ** 2
-    return distance <= gate
-
-
-def first_state(report: Report, rules: TrackRules) -> State:
-    """Return what one report alone says; a velocity it does not give is zero, give or take how fast threats fly."""
-    known = report.velocity_mps is not None
-    level = _velocity_sigma(report, rules) if known else rules.first_velocity_sigma_mps
-    climb = level if known else rules.first_climb_sigma_mps
-    noise = np.diag(np.square([*[_position_sigma(report, rules)] * 3, level, level, climb]))
-    if report.covariance_m2 is not None:
-        noise[:3, :3] = report.covariance_m2
-    return State(report.time_s, np.array((*report.position_m, *(report.velocity_mps or _AT_REST))), noise)
-
-
-def stacked(reports: Sequence[Report], rules: TrackRules) -> tuple[FloatArray, FloatArray]:
-    """Return what reports say, (n, 6), and its covariances, (n, 6, 6); a velocity that is not given is 0."""
-    rows = np.array(
-        [
-            (
-                *each.position_m,
-                *(each.velocity_mps or _AT_REST),
-                *(_position_sigma(each, rules) ** 2,) * 3,
-                *(_velocity_sigma(each, rules) ** 2,) * 3,
-            )
-            for each in reports
-        ]
-    )
-    noise = np.zeros((len(reports), 6, 6))
-    noise[:, _NUMBERS, _NUMBERS] = rows[:, 6:]
-    for index, each in enumerate(reports):
-        if each.covariance_m2 is not None:
-            noise[index, :3, :3] = each.covariance_m2
-    return rows[:, :6].copy(), noise
-
-
 def innovate(mean: FloatArray, covariance: FloatArray, bearings: Sequence[Bearing]) -> Innovation:
     """Compare predicted means (n, 6) with n bearings: NaN where the threat is expected behind the camera or at it.
 
@@ -220,19 +166,10 @@ def innovate(mean: FloatArray, covariance: FloatArray, bearings: Sequence[Bearin
     mixed = spread[:, :2, 2:]
     curvature = spread[:, :2, :2] * spread[:, 2:, 2:] + mixed @ mixed.transpose(0, 2, 1)
     noise = curvature / depth_m[:, None, None] ** 4
-    noise[:, _AXES[:2], _AXES[:2]] += np.array([each.sigma_rad**2 for each in bearings])[:, None]
+    noise[:, _AXES, _AXES] += np.array([each.sigma_rad**2 for each in bearings])[:, None]
     return Innovation(-tangents, matrix, noise)
 
 
 def _trace(covariance: FloatArray, first: int) -> float:
     """Of three rows; for so few numbers this is several times as fast as numpy's."""
     return covariance.item(7 * first) + covariance.item(7 * first + 7) + covariance.item(7 * first + 14)
-
-
-def _position_sigma(report: Report, rules: TrackRules) -> float:
-    return rules.default_sigma_m if report.sigma_m is None else max(report.sigma_m, rules.min_sigma_m)
-
-
-def _velocity_sigma(report: Report, rules: TrackRules) -> float:
-    sigma_mps = report.velocity_sigma_mps
-    return rules.velocity_sigma_mps if sigma_mps is None else max(sigma_mps, rules.min_velocity_sigma_mps)

@@ -1,21 +1,23 @@
-"""The fixed-lag buffer: what a track was told lately and what it believed after each, so that late reports fit in.
+"""The fixed-lag buffer: what tracks were told lately and what was believed after each, so that late reports fit in.
 
-A late measurement is put in its place; the state before it is taken up again and everything since is replayed.
+A late measurement is put in its place: steps that follow the one before it take the place of everything since.
 Deterministic: the same measurements in the same order give the same states to the bit.
 """
 
-from bisect import bisect_right
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
 
-from hsop_gcs.reports import Bearing, Measurement
-from hsop_gcs.tracks.filter import State, first_state
-from hsop_gcs.tracks.gate import advance
+import numpy as np
+
+from hsop_gcs.reports import Bearing, Measurement, Report
+from hsop_gcs.tracks import kernels, track_kernels
+from hsop_gcs.tracks.filter import FloatArray, State, update
+from hsop_gcs.tracks.gate import gate, predicted
+from hsop_gcs.tracks.kernels import IntArray
 from hsop_gcs.tracks.rules import TrackRules
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
+class Step(NamedTuple):
     """One measurement and the state after it."""
 
     measurement: Measurement
@@ -26,64 +28,196 @@ class Step:
         return self.state.time_s
 
 
-Steps = tuple[Step, ...]
-"""Oldest first, never empty. All of a track's last ``memory_s`` and one older to start from."""
+class Arrays(NamedTuple):
+    """Steps side by side, as the kernels take them, with room for more."""
+
+    times_s: FloatArray
+    means: FloatArray
+    covariances: FloatArray
+    rows: FloatArray
+    before: IntArray
+
+    @classmethod
+    def empty(cls, room: int) -> "Arrays":
+        state = np.empty(room), np.empty((room, 6)), np.empty((room, 6, 6))
+        return cls(*state, np.empty((room, kernels.ROW)), np.empty(room, np.int64))
+
+    def changed(self, change: Callable[[Any], Any]) -> "Arrays":
+        return Arrays(*map(change, self))
 
 
-def state_before(steps: Steps, time_s: float) -> State:
+class Log:
+    """The steps of all tracks. It is only ever added to, so that pictures can share it."""
+
+    def __init__(self, room: int = 64) -> None:
+        self.steps = Arrays.empty(room)
+        self._full_at = room
+        self.measurements: list[Measurement] = []
+
+    def __getstate__(self) -> dict[str, object]:
+        """Without the room for more."""
+        size = len(self.measurements)
+        return {**self.__dict__, "steps": self.steps.changed(lambda array: array[:size])}
+
+    @property
+    def life(self) -> tuple[FloatArray, FloatArray, IntArray]:
+        """What of the steps decides on a track's life: times, covariances and predecessors."""
+        return self.steps.times_s, self.steps.covariances, self.steps.before
+
+    def state(self, at: int) -> State:
+        """Return what was believed after a step."""
+        return State(self.steps.times_s.item(at), self.steps.means[at], self.steps.covariances[at])
+
+    def begin(self, reports: Sequence[Measurement], rows: FloatArray, rules: TrackRules) -> IntArray:
+        """Add the first steps of tracks; return where they are."""
+        start = self.make_room(len(reports))
+        kernels.begin(*self.steps, rows, start, rules.first_velocity_sigma_mps, rules.first_climb_sigma_mps)
+        self.measurements += reports
+        return np.arange(start, len(self.measurements))
+
+    def follow(
+        self, newest: IntArray, measurements: Sequence[Measurement], rows: FloatArray, rules: TrackRules
+    ) -> IntArray:
+        """Return the newest steps of n tracks after a measurement of each, all later ones replayed.
+
+        Of measurements with the same time, the one that arrived first comes first.
+        """
+        if self._correct(newest, measurements, rows, rules):
+            size = len(self.measurements)
+            return np.arange(size - len(newest), size)
+        at: list[int] = []
+        pending: list[list[tuple[Measurement, FloatArray]]] = []
+        for step, measurement, row in zip(newest.tolist(), measurements, rows, strict=True):
+            told = []
+            while step >= 0 and self.steps.times_s[step] > measurement.time_s:
+                told.append((self.measurements[step], self.steps.rows[step]))
+                step = self.steps.before.item(step)
+            if step >= 0:
+                told.append((measurement, row))
+            at.append(step if step >= 0 else self.begin([measurement], row[None], rules).item())
+            pending.append(told)
+        while due := [index for index, told in enumerate(pending) if told]:
+            next_told = [pending[index].pop() for index in due]
+            after = self._advance([at[index] for index in due], next_told, rules)
+            for index, step in zip(due, after, strict=True):
+                at[index] = step
+        return np.array(at)
+
+    def without_the_past(self, newest: IntArray, memory_s: float) -> tuple["Log", IntArray]:
+        """Return a log of nothing but what tracks remember, with room for more, and their newest steps in it."""
+        kept, before, places = track_kernels.remembered(self.steps.times_s, self.steps.before, newest, memory_s)
+        log = Log(room=4 * len(kept) + 64)
+        for array, given in zip(log.steps, self.steps, strict=True):
+            array[: len(kept)] = given[kept]
+        log.steps.before[: len(kept)] = before
+        log.measurements = [self.measurements[at] for at in kept.tolist()]
+        return log, places
+
+    def take(self, steps: "History") -> int:
+        """Add another log's history of a track; return where its newest step is."""
+        other, _ = steps.log.without_the_past(np.array([steps.newest]), steps.memory_s)
+        count = len(other.measurements)
+        start = self.make_room(count)
+        for array, given in zip(self.steps, other.steps, strict=True):
+            array[start : start + count] = given[:count]
+        self.steps.before[start : start + count - 1] += start
+        self.measurements += other.measurements
+        return start
+
+    @property
+    def is_full(self) -> bool:
+        """Whether it is time to leave the past behind."""
+        return len(self.measurements) >= self._full_at
+
+    def make_room(self, count: int) -> int:
+        """Return where the next ``count`` steps go."""
+        while len(self.measurements) + count > len(self.steps.times_s):
+            self.steps = self.steps.changed(lambda array: np.concatenate((array, np.empty_like(array))))
+        return len(self.measurements)
+
+    def _correct(self, at: IntArray, measurements: Sequence[Measurement], rows: FloatArray, rules: TrackRules) -> bool:
+        """Add what follows steps by reports that are not older, all or none."""
+        end = self.make_room(len(at))
+        done = kernels.correct(*self.steps, at, rows, end, rules.acceleration_psd_m2ps3)
+        if done:
+            self.measurements += measurements
+        return done
+
+    def _advance(
+        self, at: Sequence[int], told: Sequence[tuple[Measurement, FloatArray]], rules: TrackRules
+    ) -> list[int]:
+        """Return the steps that follow steps by measurements that are not older."""
+        after = list(at)
+        reports = [index for index, (each, _) in enumerate(told) if not isinstance(each, Bearing)]
+        if reports:
+            size = len(self.measurements)
+            rows = np.array([told[index][1] for index in reports])
+            self._correct(np.array([at[index] for index in reports]), [told[i][0] for i in reports], rows, rules)
+            for number, index in enumerate(reports):
+                after[index] = size + number
+        seen = {index: each for index, (each, _) in enumerate(told) if isinstance(each, Bearing)}
+        if seen:
+            bearings = list(seen.values())
+            times_s = [each.time_s for each in bearings]
+            mean, covariance = predicted([self.state(at[index]) for index in seen], times_s, rules)
+            means, covariances = update(mean, covariance, bearings, gate(bearings[0], rules))
+            for number, index in enumerate(seen):
+                state = State(times_s[number], means[number], covariances[number])
+                after[index] = self.add(at[index], *told[index], state)
+        return after
+
+    def add(self, before: int, measurement: Measurement, row: FloatArray, state: State) -> int:
+        """Add one step; return where it is."""
+        at = self.make_room(1)
+        steps = self.steps
+        steps.times_s[at], steps.means[at], steps.covariances[at] = state
+        steps.rows[at], steps.before[at] = row, before
+        self.measurements.append(measurement)
+        return at
+
+
+class History:
+    """A track's steps of the last ``memory_s`` and one older to start from, newest first."""
+
+    __slots__ = ("log", "memory_s", "newest")
+
+    def __init__(self, log: Log, newest: int, memory_s: float) -> None:
+        self.log, self.newest, self.memory_s = log, newest, memory_s
+
+    def __iter__(self) -> Iterator[Step]:
+        at, steps = self.newest, self.log.steps
+        oldest = track_kernels.step_at(steps.times_s, steps.before, at, -np.inf, self.memory_s)
+        yield Step(self.log.measurements[at], self.log.state(at))
+        while at != oldest:
+            at = steps.before.item(at)
+            yield Step(self.log.measurements[at], self.log.state(at))
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, History) and tuple(self) == tuple(other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __getstate__(self) -> tuple[None, dict[str, object]]:
+        log, (newest,) = self.log.without_the_past(np.array([self.newest]), self.memory_s)
+        return None, {"log": log, "newest": int(newest), "memory_s": self.memory_s}
+
+
+def step_before(steps: History, time_s: float) -> int:
+    """Return where the newest step not after ``time_s`` is, or the oldest there is."""
+    times_s, before = steps.log.steps.times_s, steps.log.steps.before
+    return track_kernels.step_at(times_s, before, steps.newest, time_s, steps.memory_s)
+
+
+def state_before(steps: History, time_s: float) -> State:
     """Return the newest state not after ``time_s``, or the oldest there is."""
-    if steps[-1].time_s <= time_s:
-        return steps[-1].state
-    return steps[max(_place(steps, time_s) - 1, 0)].state
+    return steps.log.state(step_before(steps, time_s))
 
 
-def can_take(steps: Steps, measurement: Measurement, rules: TrackRules) -> bool:
+def can_take(steps: History, measurement: Measurement, rules: TrackRules) -> bool:
     """Return whether a measurement is not too late: newer than the lag, and a bearing with a state to correct."""
-    if steps[-1].time_s - measurement.time_s > rules.lag_s:
+    if steps.log.steps.times_s[steps.newest] - measurement.time_s > rules.lag_s:
         return False
-    return not (isinstance(measurement, Bearing) and measurement.time_s < steps[0].time_s)
-
-
-def insert(histories: Sequence[Steps], measurements: Sequence[Measurement], rules: TrackRules) -> list[Steps]:
-    """Return each history with its measurement in it and all later ones replayed, batched over the histories.
-
-    Of measurements with the same time, the one that arrived first comes first.
-    """
-    places = [_place(steps, each.time_s) for steps, each in zip(histories, measurements, strict=True)]
-    starts: list[State] = []
-    pending: list[list[Measurement]] = []
-    kept: list[list[Step]] = []
-    for steps, place, measurement in zip(histories, places, measurements, strict=True):
-        later: list[Measurement] = [each.measurement for each in steps[place:]]
-        if place > 0:
-            starts.append(steps[place - 1].state)
-            kept.append(list(steps[:place]))
-            pending.append([measurement, *later])
-        else:
-            assert not isinstance(measurement, Bearing), "a bearing begins no history: see can_take"
-            starts.append(first_state(measurement, rules))
-            kept.append([Step(measurement=measurement, state=starts[-1])])
-            pending.append(later)
-    for depth in range(max(map(len, pending))):
-        active = [index for index, each in enumerate(pending) if len(each) > depth]
-        due = [pending[index][depth] for index in active]
-        for index, measurement, state in zip(
-            active, due, advance([starts[index] for index in active], due, rules), strict=True
-        ):
-            starts[index] = state
-            kept[index].append(Step(measurement=measurement, state=state))
-    return [_trimmed(each, rules) for each in kept]
-
-
-def _place(steps: Steps, time_s: float) -> int:
-    if steps[-1].time_s <= time_s:
-        return len(steps)
-    return bisect_right(steps, time_s, key=lambda each: each.time_s)
-
-
-def _trimmed(steps: list[Step], rules: TrackRules) -> Steps:
-    oldest_s = steps[-1].time_s - rules.memory_s
-    first = 0
-    while first + 1 < len(steps) and steps[first + 1].time_s < oldest_s:
-        first += 1
-    return tuple(steps[first:])
+    return isinstance(measurement, Report) or state_before(steps, measurement.time_s).time_s <= measurement.time_s

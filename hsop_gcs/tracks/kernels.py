@@ -1,8 +1,8 @@
-"""The filter's arithmetic for reports, compiled: six numbers a state are too few for array operations to be worth it.
+"""What is done for each report and each track, compiled: six numbers a state are too few for array operations.
 
-Arrays carry states, or measurements, along their first axis; a measurement has d = 3 (position) or 6 (position and
-velocity) numbers, of which the rest are not looked at. Each state is worked on by itself: a batch gives the same bits
-as its members one by one.
+The steps of all tracks lie side by side (see ``history``): ``times_s`` (n,), ``means`` (n, 6), ``covariances``
+(n, 6, 6), ``rows`` (n, ROW) of what was measured and ``before`` (n,), each step's predecessor or -1; of each track
+there is a row of ``facts``. Each state is worked on by itself: a batch gives the same bits as its members one by one.
 """
 
 import math
@@ -17,32 +17,50 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 Kernel = TypeVar("Kernel", bound=Callable[..., object])
 
+TIME, DIMENSIONS, GATE, MEASURED, SIGMA, VELOCITY_SIGMA, VARIANCE, VELOCITY_VARIANCE = 0, 1, 2, 3, 9, 10, 11, 12
+"""Where a measurement's row has its time; how many numbers count: 3 (position), 6 (velocity too) or 0 (a bearing); its
+gate; position then velocity; their standard deviations, of the position 0 if its covariance is given; their squares."""
+SIZE, NAMED, CONFIRMS, COVARIANCE, ROW = 13, 14, 15, 16, 25
+"""And the threat's size or 0; whether it bears a name; whether it confirms a track at once; the position's covariance,
+row by row, if it is given; and how long a row is."""
+NEWEST, STATUS, VELOCITY_KNOWN, SIZE_M, REPORTS, FIRST_SEEN, FACTS = 0, 1, 2, 3, 4, 5, 6
+"""Where a track's facts have its newest step, its status and what ``Track`` says of it; and how many they are."""
+TENTATIVE, CONFIRMED, COASTING, GONE = 0, 1, 2, 3
+FORBIDDEN = 1e9
+"""Cost of a pair outside its gate; above any sum of the others."""
+SECOND_CHOICE = 1e4
+"""Added for a tentative track; above any sum of distances inside gates: confirmed ones come first."""
 
-def _kernel(function: Kernel) -> Kernel:
+
+def kernel(function: Kernel) -> Kernel:
     return cast(Kernel, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
 
 
-@_kernel
-def _predict(mean: FloatArray, covariance: FloatArray, t: float, psd: float, m: FloatArray, p: FloatArray) -> None:
-    """Fill m (6,) and p (6, 6) with the state after ``t`` seconds, which may be negative."""
+@kernel
+def _predict(
+    mean: FloatArray, covariance: FloatArray, t: float, psd: float, d: int, m: FloatArray, p: FloatArray
+) -> None:
+    """Fill the first d of m (6,) and of p (6, 6) with the state after ``t`` seconds, which may be negative."""
     span = abs(t)
     for i in range(3):
         m[i] = mean[i] + t * mean[i + 3]
-        m[i + 3] = mean[i + 3]
         for j in range(3):
             cross = covariance[i, j + 3] + t * covariance[i + 3, j + 3]
             p[i, j] = covariance[i, j] + t * covariance[i + 3, j] + t * cross
-            p[i, j + 3] = cross
-            p[j + 3, i] = cross
-            p[i + 3, j + 3] = covariance[i + 3, j + 3]
+            if d > 3:
+                p[i, j + 3] = cross
+                p[j + 3, i] = cross
+                p[i + 3, j + 3] = covariance[i + 3, j + 3]
     for i in range(3):
         p[i, i] += psd * span * span * span / 3
-        p[i, i + 3] += psd * t * span / 2
-        p[i + 3, i] += psd * t * span / 2
-        p[i + 3, i + 3] += psd * span
+        if d > 3:
+            m[i + 3] = mean[i + 3]
+            p[i, i + 3] += psd * t * span / 2
+            p[i + 3, i] += psd * t * span / 2
+            p[i + 3, i + 3] += psd * span
 
 
-@_kernel
+@kernel
 def _factor(p: FloatArray, noise: FloatArray, d: int, scale: float, root: FloatArray) -> float:
     """Fill root with the Cholesky factor of S = scale P + R; return log det S, NaN if S is not positive definite."""
     log_det = 0.0
@@ -61,12 +79,12 @@ def _factor(p: FloatArray, noise: FloatArray, d: int, scale: float, root: FloatA
     return log_det
 
 
-@_kernel
-def _squared(m: FloatArray, measured: FloatArray, d: int, root: FloatArray, white: FloatArray) -> float:
+@kernel
+def _squared(m: FloatArray, row: FloatArray, d: int, root: FloatArray, white: FloatArray) -> float:
     """Return r' S^-1 r; white is filled with the residual whitened."""
     squared = 0.0
     for i in range(d):
-        total = measured[i] - m[i]
+        total = row[MEASURED + i] - m[i]
         for k in range(i):
             total -= root[i, k] * white[k]
         white[i] = total / root[i, i]
@@ -74,32 +92,91 @@ def _squared(m: FloatArray, measured: FloatArray, d: int, root: FloatArray, whit
     return squared
 
 
-@_kernel
-def correct(
+@kernel
+def _spread(row: FloatArray, noise: FloatArray) -> None:
+    """Fill noise (6, 6) with the covariance of a report; it is zero already where position meets velocity."""
+    for i in range(3):
+        noise[i + 3, i + 3] = row[VELOCITY_VARIANCE]
+        for j in range(3):
+            if row[SIGMA]:
+                noise[i, j] = row[VARIANCE] if i == j else 0.0
+            else:
+                noise[i, j] = row[COVARIANCE + 3 * i + j]
+
+
+@kernel
+def copy(row: FloatArray, to: FloatArray) -> None:
+    """Array operations take long to compile."""
+    for i in range(ROW):
+        to[i] = row[i]
+
+
+@kernel
+def begin(
+    times_s: FloatArray,
     means: FloatArray,
     covariances: FloatArray,
-    elapsed_s: FloatArray,
-    psd: float,
-    measured: FloatArray,
-    noise: FloatArray,
-    d: int,
-    gate: float,
-) -> tuple[FloatArray, FloatArray]:
-    """Return states (n, 6), (n, 6, 6) predicted by ``elapsed_s`` and corrected with measured (n, 6), noise (n, 6, 6).
+    rows: FloatArray,
+    before: IntArray,
+    seen: FloatArray,
+    end: int,
+    first_velocity_sigma_mps: float,
+    first_climb_sigma_mps: float,
+) -> None:
+    """Add, from step ``end`` on, the first ones of tracks: what one report alone says.
 
-    Joseph form. As in ``filter.correct``, covariances are doubled until the measurement lies in the gate.
+    A velocity it does not give is zero, give or take how fast threats fly.
     """
-    count = len(means)
-    out_m, out_p = np.empty((count, 6)), np.empty((count, 6, 6))
+    for n in range(len(seen)):
+        row, new = seen[n], end + n
+        times_s[new], before[new] = row[TIME], -1
+        copy(row, rows[new])
+        for i in range(6):
+            means[new, i] = row[MEASURED + i]
+            for j in range(6):
+                covariances[new, i, j] = 0.0
+        _spread(row, covariances[new])
+        for i in range(3):
+            sigma_mps = first_climb_sigma_mps if i == 2 else first_velocity_sigma_mps
+            if row[DIMENSIONS] == 6:
+                sigma_mps = row[VELOCITY_SIGMA]
+            covariances[new, i + 3, i + 3] = sigma_mps * sigma_mps
+            if row[SIGMA]:
+                covariances[new, i, i] = row[SIGMA] * row[SIGMA]
+
+
+@kernel
+def correct(
+    times_s: FloatArray,
+    means: FloatArray,
+    covariances: FloatArray,
+    rows: FloatArray,
+    before: IntArray,
+    at: IntArray,
+    seen: FloatArray,
+    end: int,
+    psd: float,
+) -> bool:
+    """Add, from step ``end`` on, those that follow steps ``at`` (n,) by the measurements ``seen`` (n, ROW).
+
+    False, and nothing is done, if one of them is a bearing or older than its step. Joseph form. As in
+    ``filter.correct``, covariances are doubled until the measurement lies in the gate.
+    """
+    for n in range(len(at)):
+        if seen[n, DIMENSIONS] == 0 or seen[n, TIME] < times_s[at[n]]:
+            return False
     m, p, root, white = np.empty(6), np.empty((6, 6)), np.zeros((6, 6)), np.empty(6)
-    gain, kept, half = np.empty((6, 6)), np.empty((6, 6)), np.empty((6, 6))
-    for n in range(count):
-        _predict(means[n], covariances[n], elapsed_s[n], psd, m, p)
+    gain, kept, half, noise = np.empty((6, 6)), np.empty((6, 6)), np.empty((6, 6)), np.zeros((6, 6))
+    for n in range(len(at)):
+        row, new = seen[n], end + n
+        d = int(row[DIMENSIONS])
+        _spread(row, noise)
+        _predict(means[at[n]], covariances[at[n]], row[TIME] - times_s[at[n]], psd, len(m), m, p)
         scale = 1.0
-        _factor(p, noise[n], d, scale, root)
-        while _squared(m, measured[n], d, root, white) > gate:
+        _factor(p, noise, d, scale, root)
+        while _squared(m, row, d, root, white) > row[GATE]:
             scale *= 2.0
-            _factor(p, noise[n], d, scale, root)
+            _factor(p, noise, d, scale, root)
         for i in range(6):
             for j in range(6):
                 p[i, j] *= scale
@@ -116,88 +193,134 @@ def correct(
                 for k in range(a + 1, d):
                     total -= root[k, a] * gain[i, k]
                 gain[i, a] = total / root[a, a]
-            out_m[n, i] = m[i]
+            means[new, i] = m[i]
             for a in range(d):
-                out_m[n, i] += gain[i, a] * (measured[n, a] - m[a])
-            for j in range(6):
-                kept[i, j] = (1.0 if i == j else 0.0) - (gain[i, j] if j < d else 0.0)
+                means[new, i] += gain[i, a] * (row[MEASURED + a] - m[a])
+            for j in range(d):
+                kept[i, j] = (1.0 if i == j else 0.0) - gain[i, j]
+        # of I - K H all columns past d are those of I
         for i in range(6):
             for j in range(6):
                 total = 0.0
-                for k in range(6):
+                for k in range(d):
                     total += kept[i, k] * p[k, j]
-                half[i, j] = total
+                half[i, j] = total + p[i, j] if i >= d else total
         for i in range(6):
             for j in range(i + 1):
                 total = 0.0
-                for k in range(6):
+                for k in range(d):
                     total += half[i, k] * kept[j, k]
+                if j >= d:
+                    total += half[i, j]
                 for a in range(d):
                     for b in range(d):
-                        total += gain[i, a] * noise[n, a, b] * gain[j, b]
-                out_p[n, i, j] = total
-                out_p[n, j, i] = total
-    return out_m, out_p
+                        total += gain[i, a] * noise[a, b] * gain[j, b]
+                covariances[new, i, j] = total
+                covariances[new, j, i] = total
+        times_s[new], before[new] = row[TIME], at[n]
+        copy(row, rows[new])
+    return True
 
 
-@_kernel
+@kernel
 def distances(
-    means: FloatArray,
-    covariances: FloatArray,
-    elapsed_s: FloatArray,
-    psd: float,
-    measured: FloatArray,
-    noise: FloatArray,
-    d: int,
-) -> tuple[FloatArray, FloatArray]:
-    """Return the squared distance of each measurement from its own state, (n,), and log det S, (n,)."""
-    squared, log_det = np.empty(len(means)), np.empty(len(means))
-    m, p, root, white = np.empty(6), np.empty((6, 6)), np.zeros((6, 6)), np.empty(6)
-    for n in range(len(means)):
-        _predict(means[n], covariances[n], elapsed_s[n], psd, m, p)
-        log_det[n] = _factor(p, noise[n], d, 1.0, root)
-        squared[n] = _squared(m, measured[n], d, root, white)
-    return squared, log_det
-
-
-@_kernel
-def in_gates(
-    means: FloatArray,
-    covariances: FloatArray,
-    times_s: FloatArray,
-    psd: float,
-    measured: FloatArray,
-    noise: FloatArray,
-    measured_s: FloatArray,
-    dimensions: IntArray,
-    gates: FloatArray,
+    times_s: FloatArray, means: FloatArray, covariances: FloatArray, at: IntArray, seen: FloatArray, psd: float
 ) -> FloatArray:
-    """Return (measurements, states): squared distance plus log det S of every pair inside its gate, else infinity."""
-    value = np.full((len(measured), len(means)), np.inf)
-    m, p, root, white = np.empty(6), np.empty((6, 6)), np.zeros((6, 6)), np.empty(6)
-    for row in range(len(measured)):
-        noisy = noise[row, 0, 0] + noise[row, 1, 1] + noise[row, 2, 2]
-        for column in range(len(means)):
-            t = measured_s[row] - times_s[column]
+    """Return the squared distance (n,) of each of n reports from its own step; of a bearing's row 0."""
+    squared = np.empty(len(at))
+    m, p, root, white, noise = np.empty(6), np.empty((6, 6)), np.zeros((6, 6)), np.empty(6), np.zeros((6, 6))
+    for n in range(len(at)):
+        d = int(seen[n, DIMENSIONS])
+        _spread(seen[n], noise)
+        _predict(means[at[n]], covariances[at[n]], seen[n, TIME] - times_s[at[n]], psd, d, m, p)
+        _factor(p, noise, d, 1.0, root)
+        squared[n] = _squared(m, seen[n], d, root, white)
+    return squared
+
+
+@kernel
+def in_gates(
+    times_s: FloatArray,
+    means: FloatArray,
+    covariances: FloatArray,
+    facts: FloatArray,
+    seen: FloatArray,
+    psd: float,
+    scan_s: float,
+) -> tuple[FloatArray, IntArray]:
+    """Return what it costs to give each measurement to each track, and the pairs of which more must be known.
+
+    Costs, (measurements, tracks + measurements): squared distance plus log det S inside the gate, else ``FORBIDDEN``,
+    also to leave it to no track. A late report is held against what is believed now, taken back to its time. Pairs,
+    (m, 2): those in their gates whose measurement bears a name, or is not newer than the track's newest by more than
+    a scan.
+    """
+    cost = np.full((len(seen), len(facts) + len(seen)), FORBIDDEN)
+    doubtful, doubts = np.empty((len(seen) * len(facts), 2), np.int64), 0
+    m, p, root, white, noise = np.empty(6), np.empty((6, 6)), np.zeros((6, 6)), np.empty(6), np.zeros((6, 6))
+    for n in range(len(seen)):
+        row = seen[n]
+        d = int(row[DIMENSIONS])
+        _spread(row, noise)
+        noisy = noise[0, 0] + noise[1, 1] + noise[2, 2]
+        for track in range(len(facts)):
+            at = int(facts[track, NEWEST])
+            t = row[TIME] - times_s[at]
             apart, trace = 0.0, noisy + psd * abs(t) ** 3
             for i in range(3):
-                apart += (measured[row, i] - means[column, i] - t * means[column, i + 3]) ** 2
-                trace += covariances[column, i, i] + t * t * covariances[column, i + 3, i + 3]
-                trace += 2 * t * covariances[column, i, i + 3]
+                apart += (row[MEASURED + i] - means[at, i] - t * means[at, i + 3]) ** 2
+                trace += covariances[at, i, i] + t * t * covariances[at, i + 3, i + 3]
+                trace += 2 * t * covariances[at, i, i + 3]
             # r' S^-1 r is at least r' r / trace S: most pairs need no more
-            if apart > gates[row] * trace:
+            if apart > row[GATE] * trace:
                 continue
-            _predict(means[column], covariances[column], t, psd, m, p)
-            log_det = _factor(p, noise[row], dimensions[row], 1.0, root)
-            squared = _squared(m, measured[row], dimensions[row], root, white)
-            if squared <= gates[row]:
-                value[row, column] = squared + log_det
-    return value
+            _predict(means[at], covariances[at], t, psd, d, m, p)
+            log_det = _factor(p, noise, d, 1.0, root)
+            squared = _squared(m, row, d, root, white)
+            if squared <= row[GATE]:
+                cost[n, track] = squared + log_det
+                if facts[track, STATUS] == TENTATIVE:
+                    cost[n, track] += SECOND_CHOICE
+                if row[NAMED] or times_s[at] >= row[TIME] - scan_s:
+                    doubtful[doubts, 0], doubtful[doubts, 1] = n, track
+                    doubts += 1
+    return cost, doubtful[:doubts]
 
 
-def warm_up() -> None:
-    """Compile everything, or load it from the cache."""
-    one, many, unit = np.zeros((1, 6)), np.zeros(1), np.eye(6)[None]
-    correct(one, unit, many, 1.0, one, unit, 3, math.inf)
-    distances(one, unit, many, 1.0, one, unit, 3)
-    in_gates(one, unit, many, 1.0, one, unit, many, np.array([3]), np.ones(1))
+@kernel
+def assigned(cost: FloatArray) -> IntArray:
+    """Return the column (rows,) of each row of ``cost``, none twice, for the least sum; columns are as many or more.
+
+    Shortest augmenting paths, as scipy's ``linear_sum_assignment``, which takes longer to call than this for a few
+    rows. Source: Crouse, On implementing 2D rectangular assignment algorithms, 2016.
+    """
+    count, width = cost.shape
+    of_row, of_column = np.zeros(count), np.zeros(width)
+    row_at, column_at = np.full(width, -1), np.full(count, -1)
+    via = np.empty(width, np.int64)
+    for start in range(count):
+        least, reached = np.full(width, np.inf), np.zeros(width, np.bool_)
+        row, column, length = start, -1, 0.0
+        while row >= 0:
+            nearest, shortest = -1, np.inf
+            for other in range(width):
+                if reached[other]:
+                    continue
+                through = length + cost[row, other] - of_row[row] - of_column[other]
+                if through < least[other]:
+                    least[other], via[other] = through, column
+                if least[other] < shortest or (least[other] == shortest and row_at[other] < 0):
+                    nearest, shortest = other, least[other]
+            column, length = nearest, shortest
+            reached[column], row = True, row_at[column]
+        of_row[start] += length
+        for other in range(width):
+            if reached[other]:
+                of_column[other] -= length - least[other]
+                if row_at[other] >= 0:
+                    of_row[row_at[other]] += length - least[other]
+        while column >= 0:
+            before = via[column]
+            row_at[column] = start if before < 0 else row_at[before]
+            column_at[row_at[column]], column = column, before
+    return column_at

@@ -8,98 +8,120 @@ tentative ───────────────────────�
                   nothing for timeout_s
 """
 
-from dataclasses import replace
+import math
+from collections.abc import Sequence
+
+import numpy as np
 
 from hsop_gcs.reports import Measurement, Report
-from hsop_gcs.tracks.filter import first_state
-from hsop_gcs.tracks.history import Step, Steps
-from hsop_gcs.tracks.rules import ConfirmAtOnce, TrackRules
+from hsop_gcs.tracks import kernels, track_kernels
+from hsop_gcs.tracks.filter import FloatArray
+from hsop_gcs.tracks.kernels import IntArray
+from hsop_gcs.tracks.rules import TrackRules
+from hsop_gcs.tracks.table import Name, Table
 from hsop_gcs.tracks.track import Binding, Track, TrackStatus
 
 
-def begin(track_id: str, report: Report, *, now_s: float, rules: TrackRules) -> Track:
-    """Start a track from its first report."""
-    steps = (Step(measurement=report, state=first_state(report, rules)),)
-    track = Track(
-        id=track_id,
-        source=report.source,
-        source_threat_id=report.threat_id,
-        sources=(),
-        status=TrackStatus.TENTATIVE,
-        velocity_known=False,
-        size_m=report.size_m or rules.default_size_m,
-        reports=0,
-        first_seen_s=report.time_s,
-        steps=steps,
-    )
-    return extend(track, report, steps, now_s=now_s, rules=rules)
+def begin(
+    table: Table, names: Sequence[str], reports: Sequence[Report], rows: FloatArray, *, now_s: float, rules: TrackRules
+) -> None:
+    """Start tracks from their first reports."""
+    log = table.log
+    newest = log.begin(reports, rows, rules)
+    start = len(table)
+    facts = [(at, kernels.TENTATIVE, False, rules.default_size_m, 0, math.inf) for at in newest.tolist()]
+    table.facts = np.concatenate((table.facts, np.array(facts)))
+    for name, each in zip(names, reports, strict=True):
+        table.add(Name(name, each.source, each.threat_id, ()))
+    _live(table, np.arange(start, len(table)), newest, reports, rows, now_s, rules)
 
 
-def extend(track: Track, measurement: Measurement, steps: Steps, *, now_s: float, rules: TrackRules) -> Track:
-    """Return the track with a measurement that ``steps`` already hold."""
-    size_m = measurement.size_m if isinstance(measurement, Report) else None
-    confirmed = track.status is not TrackStatus.TENTATIVE or _confirms(measurement, rules) or _m_of_n(steps, rules)
-    extended = Track(
-        id=track.id,
-        source=track.source,
-        source_threat_id=track.source_threat_id,
-        sources=_bound(track.sources, measurement),
-        status=TrackStatus.CONFIRMED if confirmed else TrackStatus.TENTATIVE,
-        velocity_known=steps[-1].state.velocity_variance_m2ps2 <= rules.velocity_known_sigma_mps**2,
-        size_m=size_m or track.size_m,
-        reports=track.reports + 1,
-        first_seen_s=min(track.first_seen_s, steps[0].time_s),
-        steps=steps,
-    )
-    return aged(extended, now_s, rules)
+def tell(
+    table: Table,
+    tracks: IntArray,
+    measurements: Sequence[Measurement],
+    rows: FloatArray,
+    *,
+    now_s: float,
+    rules: TrackRules,
+) -> int:
+    """Tell tracks, by their rows in the table, a measurement each; return how many were out of order."""
+    newest = table.log.follow(table.newest[tracks], measurements, rows, rules)
+    return _live(table, tracks, newest, measurements, rows, now_s, rules)
 
 
-def aged(track: Track, now_s: float, rules: TrackRules) -> Track:
-    """Return the track as it stands at ``now_s``: coasting if it was confirmed and nothing came lately."""
-    if track.status is TrackStatus.TENTATIVE:
-        return track
-    coasting = now_s - track.time_s > rules.coast_after_s
-    status = TrackStatus.COASTING if coasting else TrackStatus.CONFIRMED
-    return track if status is track.status else replace(track, status=status)
+def take(
+    table: Table, scan: Sequence[Measurement], rows: FloatArray, *, now_s: float, rules: TrackRules
+) -> dict[int, int] | None:
+    """Tell tracks the reports of a scan, by global nearest neighbour, unless there is more to weigh than distances.
+
+    Return which row in the table each was told, by its index in the scan; None if nothing was told: see ``associate``.
+    """
+    log = table.log
+    end = log.make_room(len(scan))
+    tracks = track_kernels.take(
+        *log.steps,
+        table.facts,
+        rows,
+        end,
+        rules.acceleration_psd_m2ps3,
+        rules.scan_s,
+        _life(now_s, rules),
+    ).tolist()
+    if not tracks:
+        return None
+    told = {index: track for index, track in enumerate(tracks) if track >= 0}
+    log.measurements += [scan[index] for index in told]
+    return told
+
+
+def aged(table: Table, now_s: float, rules: TrackRules) -> tuple[Table, dict[str, float]]:
+    """Return the table as it stands at ``now_s``, the same one if nothing has changed; and who left it, heard when."""
+    facts, times_s = table.facts.copy(), table.log.steps.times_s
+    if not track_kernels.age(times_s, facts, now_s, rules.coast_after_s, rules.tentative_timeout_s, rules.timeout_s):
+        return table, {}
+    gone: dict[str, float] = {}
+    kept: list[int] = []
+    for row, (newest, status) in enumerate(facts[:, [kernels.NEWEST, kernels.STATUS]].tolist()):
+        if status == kernels.GONE:
+            gone[table.names[row].id] = times_s.item(int(newest))
+        else:
+            kept.append(row)
+    return table.only(kept, facts), gone
 
 
 def has_left(track: Track, now_s: float, rules: TrackRules) -> bool:
     """Return whether nothing has come for so long that the track is over."""
-    tentative = track.status is TrackStatus.TENTATIVE
-    return now_s - track.time_s > (min(rules.tentative_timeout_s, rules.timeout_s) if tentative else rules.timeout_s)
+    status = kernels.TENTATIVE if track.status is TrackStatus.TENTATIVE else kernels.CONFIRMED
+    return track_kernels.has_left(status, track.time_s, now_s, rules.tentative_timeout_s, rules.timeout_s)
 
 
-def without_id(track: Track, source: str, threat_id: str) -> Track:
-    """Return the track to which a source's id does not belong any more."""
-    return replace(
-        track, sources=tuple(each for each in track.sources if (each.source, each.threat_id) != (source, threat_id))
-    )
+def release(table: Table, binding: Binding) -> None:
+    """Let go of a source's id, whichever track it stands for."""
+    for row, name in enumerate(table.names):
+        if binding in name.sources:
+            table.names[row] = name._replace(sources=tuple(each for each in name.sources if each != binding))
 
 
-def _confirms(measurement: Measurement, rules: TrackRules) -> bool:
-    if measurement.threat_id is None or not isinstance(measurement, Report):
-        return False
-    match rules.confirm_at_once:
-        case ConfirmAtOnce.ID:
-            return True
-        case ConfirmAtOnce.ID_AND_VELOCITY:
-            return measurement.velocity_mps is not None
-        case ConfirmAtOnce.NEVER:
-            return False
+def _live(
+    table: Table,
+    tracks: IntArray,
+    newest: IntArray,
+    measurements: Sequence[Measurement],
+    rows: FloatArray,
+    now_s: float,
+    rules: TrackRules,
+) -> int:
+    """Write down what measurements, which led to the ``newest`` steps, mean; return how many were out of order."""
+    late = track_kernels.live(*table.log.life, table.facts, tracks, newest, rows, _life(now_s, rules))
+    for row, each in zip(tracks.tolist(), measurements, strict=True):
+        if each.threat_id is not None:
+            binding, name = Binding(each.source, each.threat_id), table.names[row]
+            if binding not in name.sources:
+                table.names[row] = name._replace(sources=(*name.sources, binding))
+    return late
 
 
-def _m_of_n(steps: Steps, rules: TrackRules) -> bool:
-    newest_s = steps[-1].time_s
-    slots = {round((newest_s - each.time_s) / rules.confirm_slot_s) for each in steps}
-    return sum(slot < rules.confirm_slots for slot in slots) >= rules.confirm_hits
-
-
-def _bound(bindings: tuple[Binding, ...], measurement: Measurement) -> tuple[Binding, ...]:
-    if measurement.threat_id is None:
-        return bindings
-    source, threat_id, time_s = measurement.source, measurement.threat_id, measurement.time_s
-    for index, each in enumerate(bindings):
-        if each.source == source and each.threat_id == threat_id:
-            newest = Binding(source=source, threat_id=threat_id, time_s=max(each.time_s, time_s))
-            return (*bindings[:index], newest, *bindings[index + 1 :])
-    return (*bindings, Binding(source=source, threat_id=threat_id, time_s=time_s))
+def _life(now_s: float, rules: TrackRules) -> track_kernels.Life:
+    known, hits, slots = rules.velocity_known_sigma_mps**2, float(rules.confirm_hits), float(rules.confirm_slots)
+    return now_s, rules.coast_after_s, known, hits, slots, rules.confirm_slot_s

@@ -5,19 +5,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
+import numpy as np
+
 from hsop_gcs.reports import Measurement, Report, ReportRules, Vector3
 from hsop_gcs.tracks.associate import associate
-from hsop_gcs.tracks.filter import State
-from hsop_gcs.tracks.gate import Stack
-from hsop_gcs.tracks.history import insert
-from hsop_gcs.tracks.lifecycle import aged, begin, extend, has_left, without_id
+from hsop_gcs.tracks.filter import FloatArray
+from hsop_gcs.tracks.lifecycle import aged, begin, release, take, tell
+from hsop_gcs.tracks.measured import rows_of
 from hsop_gcs.tracks.rules import TrackRules
 from hsop_gcs.tracks.screen import on_own_host, refusal_of
 from hsop_gcs.tracks.sources import Refusal, RefusalKind, Tally, Watches
-from hsop_gcs.tracks.track import Track
+from hsop_gcs.tracks.table import Table
+from hsop_gcs.tracks.track import Binding, Track
 
 NO_HOSTS: Mapping[str, Vector3] = MappingProxyType({})
 _CLOCK = ReportRules()
+_NO_SCAN: tuple[list[int], float, set[str | None]] = ([], -math.inf, set())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,8 +31,6 @@ class Picture:
     sources: Watches = field(default_factory=lambda: MappingProxyType({}))
     named: int = 0
     """How many tracks have been given a name of ours (T1, T2, ...)."""
-    stack: tuple[Mapping[str, Track], Stack] | None = field(default=None, compare=False, repr=False)
-    """The tracks' newest states for the next update, and which tracks they are of; worth nothing for other tracks."""
 
 
 Verdict = str | Refusal
@@ -52,24 +53,22 @@ def update(
     source's time may be from ours. The same calls in the same order give the same pictures, to the bit.
     """
     work = _Work(picture, measurements, now_s, rules)
-    for index in range(len(measurements)):
-        work.screen(index, hosts_m, clock)
+    work.screen(hosts_m, clock)
     for scan in _scans(measurements, work.unjudged(), rules):
         work.take(scan)
-    return work.picture(), tuple(work.verdicts[index] for index in range(len(measurements)))
+    return work.picture(), tuple(map(work.verdicts.__getitem__, range(len(measurements))))
 
 
-def prune(picture: Picture, now_s: float, rules: TrackRules) -> tuple[Picture, tuple[Track, ...]]:
-    """Return the picture as it stands at ``now_s``, and the threats that left it: not reported for too long."""
-    before = picture.tracks
-    left = {name: aged(track, now_s, rules) for name, track in before.items() if not has_left(track, now_s, rules)}
-    gone = tuple(track for name, track in before.items() if name not in left)
-    changed = gone or any(left[name] is not track for name, track in before.items())
-    sources = {
-        name: watch for name, watch in picture.sources.items() if now_s - watch.last_heard_s <= rules.source_memory_s
-    }
-    tracks = MappingProxyType(left) if changed else before
-    return replace(picture, tracks=tracks, sources=MappingProxyType(sources)), gone
+def prune(picture: Picture, now_s: float, rules: TrackRules) -> tuple[Picture, Mapping[str, float]]:
+    """Return the picture as it stands at ``now_s``; and of the threats that left it the times of their last reports."""
+    before = picture.tracks if isinstance(picture.tracks, Table) else Table.of(picture.tracks, rules)
+    after, gone = aged(before, now_s, rules)
+    forgotten = [name for name, watch in picture.sources.items() if now_s - watch.last_heard_s > rules.source_memory_s]
+    if after is before and not forgotten:
+        return picture, gone
+    sources = {name: watch for name, watch in picture.sources.items() if name not in forgotten}
+    tracks = picture.tracks if after is before else after
+    return Picture(tracks=tracks, sources=MappingProxyType(sources), named=picture.named), gone
 
 
 def dismiss(picture: Picture, track_id: str) -> Picture:
@@ -84,121 +83,118 @@ class _Work:
 
     def __init__(self, picture: Picture, measurements: Sequence[Measurement], now_s: float, rules: TrackRules) -> None:
         self.verdicts: dict[int, Verdict] = {}
-        self._tracks = dict(picture.tracks)
+        self._table = Table.of(picture.tracks, rules)
         self._sources = picture.sources
         self._tallies: dict[str, Tally] = {}
         self._named = picture.named
-        of, newest = picture.stack or (None, None)
-        known = newest is not None and of is picture.tracks
-        self._newest = newest.copy() if newest is not None and known else Stack(_states(picture.tracks))
         self._measurements = measurements
-        self._seen: set[Measurement] = set()
         self._suspects: dict[int, Refusal] = {}
         self._now_s = now_s
         self._rules = rules
 
     def picture(self) -> Picture:
         heard = {source: tally.watch() for source, tally in self._tallies.items()}
-        tracks = MappingProxyType(self._tracks)
-        return Picture(
-            tracks=tracks,
-            sources=MappingProxyType({**self._sources, **heard}),
-            named=self._named,
-            stack=(tracks, self._newest),
-        )
+        sources = MappingProxyType({**self._sources, **heard})
+        return Picture(tracks=self._table, sources=sources, named=self._named)
 
     def unjudged(self) -> list[int]:
         return [index for index in range(len(self._measurements)) if index not in self.verdicts]
 
-    def screen(self, index: int, hosts_m: Mapping[str, Vector3], clock: ReportRules) -> None:
-        """Watch the source's clock, and refuse what needs no track to be refused."""
-        measurement = self._measurements[index]
-        source = measurement.source
-        if source not in self._tallies:
-            self._tallies[source] = Tally(self._sources.get(source), self._now_s)
-        self._tallies[source].hear(measurement.time_s)
-        seen = len(self._seen)
-        self._seen.add(measurement)
-        refusal = refusal_of(measurement, self._now_s, clock)
-        if refusal is None and len(self._seen) == seen:
-            problem = f"{measurement.source!r} has sent the same report twice"
-            refusal = Refusal(RefusalKind.DUPLICATE, "time", problem)
-        if refusal is not None:
-            self._refuse(index, refusal)
-        elif (suspicion := on_own_host(measurement, self._rules, hosts_m)) is not None:
-            self._suspects[index] = suspicion
+    def screen(self, hosts_m: Mapping[str, Vector3], clock: ReportRules) -> None:
+        """Watch the sources' clocks, and refuse what needs no track to be refused."""
+        # most scans repeat no place, and hashing whole reports takes long
+        places = {each.position_m if isinstance(each, Report) else each.direction for each in self._measurements}
+        repeated = len(places) < len(self._measurements)
+        seen: set[Measurement] = set()
+        for index, each in enumerate(self._measurements):
+            tally = self._tallies.get(each.source)
+            if tally is None:
+                tally = self._tallies[each.source] = Tally(self._sources.get(each.source), self._now_s)
+            tally.hear(each.time_s)
+            refusal = refusal_of(each, self._now_s, clock)
+            if repeated:
+                if refusal is None and each in seen:
+                    problem = f"{each.source!r} has sent the same report twice"
+                    refusal = Refusal(RefusalKind.DUPLICATE, "time", problem)
+                seen.add(each)
+            if refusal is not None:
+                self._refuse(index, refusal)
+            elif hosts_m and (suspicion := on_own_host(each, self._rules, hosts_m)) is not None:
+                self._suspects[index] = suspicion
 
     def take(self, scan: Sequence[int]) -> None:
         """Associate one scan, correct the tracks it speaks of and begin the new ones."""
         measurements = [self._measurements[index] for index in scan]
-        suspects = {position: self._suspects[index] for position, index in enumerate(scan) if index in self._suspects}
-        association = associate(self._tracks, self._newest, measurements, suspects, self._rules)
-        for position in association.released:
-            self._release(measurements[position])
-        for position, refusal in association.refusals.items():
-            self._refuse(scan[position], refusal)
-        tracks = [self._tracks[track_id] for track_id in association.tracks.values()]
-        matched = [measurements[position] for position in association.tracks]
-        histories = insert([track.steps for track in tracks], matched, self._rules) if matched else []
-        for position, track, steps in zip(association.tracks, tracks, histories, strict=True):
-            measurement = measurements[position]
-            self._tracks[track.id] = extend(track, measurement, steps, now_s=self._now_s, rules=self._rules)
-            self._newest.put(track.id, steps[-1].state)
-            self._believe(scan[position], track.id, out_of_order=measurement.time_s < track.time_s)
-        for position, measurement in enumerate(measurements):
-            if position not in association.tracks and position not in association.refusals:
-                assert isinstance(measurement, Report), "an unexplained bearing is refused"
-                track_id = self._name(measurement)
-                track = begin(track_id, measurement, now_s=self._now_s, rules=self._rules)
-                self._tracks[track_id] = track
-                self._newest.put(track_id, track.state)
-                self._believe(scan[position], track_id, out_of_order=False)
+        rows = rows_of(measurements, self._rules)
+        refused: Mapping[int, Refusal] = {}
+        told = None if self._suspects else take(self._table, measurements, rows, now_s=self._now_s, rules=self._rules)
+        if told is None:
+            told, refused = self._weigh(scan, measurements, rows)
+        self._tallies[measurements[0].source].accepted += len(told)
+        for position, row in told.items():
+            self.verdicts[scan[position]] = self._table.names[row].id
+        if len(told) + len(refused) < len(scan):
+            self._begin(scan, [each for each in range(len(scan)) if each not in told and each not in refused], rows)
 
-    def _believe(self, index: int, track_id: str, *, out_of_order: bool) -> None:
-        self.verdicts[index] = track_id
-        tally = self._tallies[self._measurements[index].source]
-        tally.accepted += 1
-        tally.out_of_order += out_of_order
+    def _weigh(
+        self, scan: Sequence[int], measurements: Sequence[Measurement], rows: FloatArray
+    ) -> tuple[dict[int, int], dict[int, Refusal]]:
+        """Associate a scan; return the rows of the tracks that were told, and what was refused."""
+        suspects = {position: self._suspects[index] for position, index in enumerate(scan) if index in self._suspects}
+        found = associate(self._table, measurements, rows, suspects, self._rules)
+        for position in found.released:
+            each = measurements[position]
+            if each.threat_id is not None:
+                release(self._table, Binding(each.source, each.threat_id))
+        for position, refusal in found.refusals.items():
+            self._refuse(scan[position], refusal)
+        if found.tracks:
+            positions, tracks = list(found.tracks), np.array(list(found.tracks.values()))
+            chosen = [measurements[position] for position in positions]
+            late = tell(self._table, tracks, chosen, rows[positions], now_s=self._now_s, rules=self._rules)
+            self._tallies[measurements[0].source].out_of_order += late
+        return found.tracks, found.refusals
+
+    def _begin(self, scan: Sequence[int], new: Sequence[int], rows: FloatArray) -> None:
+        """Begin tracks with the measurements that are of none."""
+        reports: list[Report] = []
+        names: list[str] = []
+        for position in new:
+            report = self._measurements[scan[position]]
+            assert isinstance(report, Report), "an unexplained bearing is refused"
+            reports.append(report)
+            names.append(self._name(report, names))
+            self.verdicts[scan[position]] = names[-1]
+        self._tallies[reports[0].source].accepted += len(new)
+        begin(self._table, names, reports, rows[new], now_s=self._now_s, rules=self._rules)
 
     def _refuse(self, index: int, refusal: Refusal) -> None:
         self.verdicts[index] = refusal
         self._tallies[self._measurements[index].source].refuse(refusal.kind)
 
-    def _release(self, measurement: Measurement) -> None:
-        if measurement.threat_id is None:
-            return
-        for track in self._tracks.values():
-            if track.is_bound_to(measurement.source, measurement.threat_id):
-                self._tracks[track.id] = without_id(track, measurement.source, measurement.threat_id)
-
-    def _name(self, report: Report) -> str:
+    def _name(self, report: Report, others: Sequence[str]) -> str:
         """The source's id where it is free, else made unique with the source's name; a report without one gets ours."""
         if report.threat_id is not None:
             for name in (report.threat_id, f"{report.source}/{report.threat_id}"):
-                if name not in self._tracks:
+                if name not in self._table and name not in others:
                     return name
         self._named += 1
-        while f"T{self._named}" in self._tracks:
+        while (name := f"T{self._named}") in self._table or name in others:
             self._named += 1
-        return f"T{self._named}"
-
-
-def _states(tracks: Mapping[str, Track]) -> dict[str, State]:
-    return {track.id: track.state for track in tracks.values()}
+        return name
 
 
 def _scans(measurements: Sequence[Measurement], indices: Sequence[int], rules: TrackRules) -> list[list[int]]:
     """Put measurements in order of time and part them into scans: of one source, at one time, of different ids."""
     scans: list[list[int]] = []
-    open_scans: dict[str, tuple[list[int], float, set[str]]] = {}
+    open_scans: dict[str, tuple[list[int], float, set[str | None]]] = {}
     for index in sorted(indices, key=lambda each: measurements[each].time_s):
         each = measurements[index]
-        scan, started_s, ids = open_scans.get(each.source, ([], -math.inf, set()))
-        if each.time_s > started_s + rules.scan_s or each.threat_id in ids:
+        scan, last_s, ids = open_scans.get(each.source, _NO_SCAN)
+        if each.time_s > last_s or (each.threat_id is not None and each.threat_id in ids):
             scan, ids = [], set()
-            open_scans[each.source] = (scan, each.time_s, ids)
+            open_scans[each.source] = scan, each.time_s + rules.scan_s, ids
             scans.append(scan)
         scan.append(index)
-        if each.threat_id is not None:
-            ids.add(each.threat_id)
+        ids.add(each.threat_id)
     return scans

@@ -50,16 +50,18 @@ def _no_position(report: Report) -> Refusal | None:
         return Refusal(RefusalKind.INVALID, "position", f"{report.position_m} is not a place")
     if report.velocity_mps is not None and not _finite(report.velocity_mps):
         return Refusal(RefusalKind.INVALID, "velocity", f"{report.velocity_mps} is not a velocity")
-    for field, sigma in (("sigma_m", report.sigma_m), ("velocity_sigma_mps", report.velocity_sigma_mps)):
-        if sigma is not None and not 0 <= sigma < math.inf:
-            return Refusal(RefusalKind.INVALID, field, f"{sigma} is not a standard deviation")
+    if (sigma_m := report.sigma_m) is not None and not 0 <= sigma_m < math.inf:
+        return Refusal(RefusalKind.INVALID, "sigma_m", f"{sigma_m} is not a standard deviation")
+    if (sigma_mps := report.velocity_sigma_mps) is not None and not 0 <= sigma_mps < math.inf:
+        return Refusal(RefusalKind.INVALID, "velocity_sigma_mps", f"{sigma_mps} is not a standard deviation")
     if report.covariance_m2 is not None and not _is_covariance(report.covariance_m2):
         return Refusal(RefusalKind.INVALID, "covariance_m2", f"{report.covariance_m2} is not a covariance")
     return None
 
 
 def _finite(vector: Vector3) -> bool:
-    return all(map(math.isfinite, vector))
+    east, north, up = vector
+    return math.isfinite(east) and math.isfinite(north) and math.isfinite(up)
 
 
 def _is_covariance(matrix: Matrix3) -> bool:

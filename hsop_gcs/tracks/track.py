@@ -3,10 +3,11 @@
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 from hsop_gcs.reports import Vector3
 from hsop_gcs.tracks.filter import FloatArray, State
-from hsop_gcs.tracks.history import Steps
+from hsop_gcs.tracks.history import History
 
 
 class TrackStatus(StrEnum):
@@ -17,14 +18,11 @@ class TrackStatus(StrEnum):
     """Confirmed once, and not reported lately."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Binding:
+class Binding(NamedTuple):
     """A source's own id that stands for the track."""
 
     source: str
     threat_id: str
-    time_s: float
-    """Its newest report."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,16 +41,13 @@ class Track:
     size_m: float
     reports: int
     first_seen_s: float
-    steps: Steps
+    state: State
+    steps: History
     """What it was told lately, and what was believed after each."""
 
     @property
-    def state(self) -> State:
-        return self.steps[-1].state
-
-    @property
     def time_s(self) -> float:
-        return self.steps[-1].state.time_s
+        return self.state.time_s
 
     @property
     def position_m(self) -> Vector3:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from hsop_gcs.reports import Measurement, Report
-from hsop_gcs.tracks import Picture, TrackRules, kernels, prune, update
+from hsop_gcs.tracks import Picture, TrackRules, prune, track_kernels, update
 from tests.tracks.world import vector
 
 THREATS, RATE_HZ, DURATION_S, SIGMA_M = 50, 10, 10, 2.0
@@ -118,7 +118,7 @@ def crowd() -> dict[str, Any]:
 
 
 def main() -> None:
-    kernels.warm_up()
+    track_kernels.warm_up()
     beside_stone_soup()
     for late_s in (0.0, 0.55):
         for ids in (True, False):

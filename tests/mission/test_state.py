@@ -22,8 +22,7 @@ from hsop_gcs.mission.state import (
 from hsop_gcs.placement.problem import Formulation, Objective, Point, Threat
 from hsop_gcs.placement.solution import HoverPose, Placement, Status, ThreatPair, View
 from hsop_gcs.reports import Report
-from hsop_gcs.tracks import Track, TrackRules, TrackStatus
-from hsop_gcs.tracks.lifecycle import begin
+from hsop_gcs.tracks import Picture, Track, TrackRules, TrackStatus, update
 
 RULES = ReplanRules(departure_m=5.0)
 PLANNING = PlanningRules(horizon_s=10.0)
@@ -34,10 +33,16 @@ def due(plans: Plans, tracks: tuple[Track, ...], movers: tuple[Mover, ...], now_
     return replan_reason(plans, tracks, movers, now_s, RULES, PLANNING)
 
 
+def begun(report: Report, now_s: float) -> Track:
+    """The track that a report begins."""
+    picture, (name,) = update(Picture(), [report], now_s, TrackRules())
+    return picture.tracks[str(name)]
+
+
 def track(name: str, time_s: float, east: float, velocity: Point | None = (1.0, 0.0, 0.0)) -> Track:
     place = (east, 0.0, 40.0)
     report = Report(source="radar", threat_id=name, time_s=time_s, position_m=place, velocity_mps=velocity, sigma_m=0.5)
-    return begin(name, report, now_s=time_s, rules=TrackRules())
+    return begun(report, time_s)
 
 
 def decision(*threats: Threat, orders: bool = True) -> Decision:
@@ -145,7 +150,7 @@ def test_a_threat_that_left_asks_for_a_plan_without_it() -> None:
 
 def test_a_coarse_report_off_by_its_own_sigma_is_no_departure() -> None:
     report = Report(source="r", threat_id="t1", time_s=108.0, position_m=(20.0, 0.0, 40.0), sigma_m=5.0)
-    coarse = begin("t1", report, now_s=108.0, rules=TrackRules())
+    coarse = begun(report, 108.0)
     assert due(planned(), (coarse,), HOSTS, 108.0) is None
 
 
@@ -160,7 +165,7 @@ def test_a_plan_is_due_when_a_velocity_becomes_known_that_it_was_not_made_for() 
             sigma_m=0.5,
             velocity_sigma_mps=velocity_sigma_mps,
         )
-        return begin("t1", report, now_s=106.0, rules=TrackRules())
+        return begun(report, 106.0)
 
     reason = "threat t1 will be 54 m from its prediction: too far from a camera"
     assert due(planned(), (climbing(0.2),), HOSTS, 106.0) == reason
@@ -170,7 +175,7 @@ def test_a_plan_is_due_when_a_velocity_becomes_known_that_it_was_not_made_for() 
 def test_a_plan_for_a_coarse_track_waits_until_it_is_known_well() -> None:
     coarse = planned(sigma_m=15.0)
     report = Report(source="r", threat_id="t1", time_s=104.0, position_m=(20.0, 0.0, 40.0), sigma_m=10.0)
-    still_coarse = begin("t1", report, now_s=104.0, rules=TrackRules())
+    still_coarse = begun(report, 104.0)
     assert due(coarse, (still_coarse,), HOSTS, 104.0) is None
     known = (track("t1", 108, 20),)
     assert due(coarse, known, HOSTS, 108.0) == "threat t1 is 12 m from its prediction: too far from a camera"

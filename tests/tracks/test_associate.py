@@ -6,12 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import linear_sum_assignment
 
 from hsop_gcs.reports import Measurement, Report
 from hsop_gcs.tracks import Picture, Refusal, RefusalKind, TrackRules, TrackStatus, Verdict, prune, update
-from hsop_gcs.tracks.gate import distances
+from hsop_gcs.tracks.kernels import FORBIDDEN, assigned
 from tests.tracks.gospa import gospa_m
-from tests.tracks.world import RULES, T0_S, after, bearing, report, vector, verdict_on
+from tests.tracks.world import RULES, T0_S, after, bearing, distances, report, vector, verdict_on
 
 GOLDEN = Path(__file__).parents[1] / "data" / "tracks" / "scans.json"
 ROUNDING_M = 1e-9
@@ -20,13 +23,13 @@ ROUNDING_M = 1e-9
 @pytest.mark.parametrize("name", ["crossing", "abreast", "clutter"])
 def test_the_picture_is_no_farther_from_the_truth_than_stone_soups(name: str) -> None:
     golden = json.loads(GOLDEN.read_text())
-    given, scenario = golden["rules"], golden["scenarios"][name]
-    rules = TrackRules(timeout_s=given["timeout_s"], tentative_timeout_s=given["tentative_timeout_s"])
+    rule, scenario = golden["rules"], golden["scenarios"][name]
+    rules = TrackRules(timeout_s=rule["timeout_s"], tentative_timeout_s=rule["tentative_timeout_s"])
     picture, values = Picture(), []
     for scan in scenario["scans"]:
         now_s = T0_S + scan["time_s"]
         plots = [
-            Report(source="radar", threat_id=None, time_s=now_s, position_m=vector(plot), sigma_m=given["sigma_m"])
+            Report(source="radar", threat_id=None, time_s=now_s, position_m=vector(plot), sigma_m=rule["sigma_m"])
             for plot in scan["plots_m"]
         ]
         picture, _ = prune(update(picture, plots, now_s, rules)[0], now_s, rules)
@@ -45,10 +48,20 @@ def test_a_scan_goes_to_the_assignment_of_greatest_likelihood() -> None:
         ]
         _, verdicts = update(picture, plots, T0_S + 0.5, RULES)
         cost = np.array(
-            [distances([track.state] * 4, plots, RULES)[0] for track in picture.tracks.values()]
+            [distances([track.state] * 4, plots) for track in picture.tracks.values()]
         )  # all determinants are equal
         best = min(itertools.permutations(range(4)), key=lambda order: sum(cost[t, p] for p, t in enumerate(order)))
         assert verdicts == tuple(f"t{track}" for track in best)
+
+
+@given(st.integers(1, 8), st.integers(0, 8), st.integers(0, 2**32 - 1))
+def test_assignments_are_those_of_scipy(rows: int, more: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    cost = rng.uniform(-20, 20, (rows, rows + more))
+    cost[rng.uniform(size=cost.shape) < 0.5] = FORBIDDEN
+    columns = assigned(cost)
+    assert len(set(columns.tolist())) == rows
+    assert cost[np.arange(rows), columns].sum() == pytest.approx(cost[linear_sum_assignment(cost)].sum(), abs=1e-5)
 
 
 def test_an_id_binds_a_report_to_its_track_though_another_is_nearer() -> None:

@@ -10,9 +10,8 @@ import pytest
 from scipy.stats import chi2
 
 from hsop_gcs.reports import Bearing, Measurement, Report
-from hsop_gcs.tracks.filter import FloatArray, State, first_state, innovate, predict
-from hsop_gcs.tracks.gate import advance
-from tests.tracks.world import RULES, T0_S, bearing, off_by, report, vector, wandering
+from hsop_gcs.tracks.filter import FloatArray, State, innovate, predict
+from tests.tracks.world import RULES, T0_S, advance, bearing, first_state, off_by, report, vector, wandering
 
 GOLDEN = Path(__file__).parents[1] / "data" / "tracks" / "kalman.json"
 METRE = 1.0
@@ -48,9 +47,9 @@ def test_a_batch_is_each_of_its_tracks_alone() -> None:
         else report(0.1 * n, *(state.mean[:3] + 2.0), velocity_mps=(1.0, 2.0, 0.0) if n % 3 else None)
         for n, state in enumerate(states)
     ]
-    together = advance(states, measured, RULES)
+    together = advance(states, measured)
     for state, each, expected in zip(states, measured, together, strict=True):
-        alone = advance([state], [each], RULES)[0]
+        alone = advance([state], [each])[0]
         assert alone.mean == pytest.approx(expected.mean, rel=1e-12)
         assert alone.covariance == pytest.approx(expected.covariance, rel=1e-9, abs=1e-12)
 
@@ -73,7 +72,7 @@ def test_what_is_predicted_grows_less_certain_in_both_directions_of_time() -> No
 
 def test_a_bearing_is_known_better_across_its_ray_and_not_along_it() -> None:
     state = State(T0_S, np.array([0.0, 100.0, 0.0, 0.0, 0.0, 0.0]), np.diag([25.0, 25, 25, 1, 1, 1]))
-    after = advance([state], [bearing(0, (0.0, 0.0, 0.0), (0.0, 100.0, 0.0), 0.001)], RULES)[0]
+    after = advance([state], [bearing(0, (0.0, 0.0, 0.0), (0.0, 100.0, 0.0), 0.001)])[0]
     east, north, up = np.sqrt(np.diag(after.covariance)[:3])
     assert north == pytest.approx(5.0, abs=0.01 * METRE)
     assert max(east, up) < 0.5 * METRE
@@ -81,16 +80,16 @@ def test_a_bearing_is_known_better_across_its_ray_and_not_along_it() -> None:
 
 def test_two_bearings_bring_a_coarse_threat_to_where_they_cross() -> None:
     truth = (10.0, 80.0, 45.0)
-    state = first_state(report(0, truth[0] + 12, truth[1] - 14, truth[2] + 9, sigma_m=15.0), RULES)
+    state = first_state(report(0, truth[0] + 12, truth[1] - 14, truth[2] + 9, sigma_m=15.0))
     for _ in range(3):
         for origin_m in CAMERAS_M:
-            state = advance([state], [bearing(0, vector(origin_m), truth, 0.001)], RULES)[0]
+            state = advance([state], [bearing(0, vector(origin_m), truth, 0.001)])[0]
     assert state.mean[:3] == pytest.approx(truth, abs=0.1 * METRE)
 
 
 def test_a_bearing_away_from_the_threat_changes_nothing() -> None:
     state = State(T0_S, np.array([0.0, 100.0, 0.0, 0.0, 0.0, 0.0]), np.diag([25.0, 25, 25, 1, 1, 1]))
-    after = advance([state], [bearing(0, (0.0, 0.0, 0.0), (0.0, -100.0, 0.0), 0.001)], RULES)[0]
+    after = advance([state], [bearing(0, (0.0, 0.0, 0.0), (0.0, -100.0, 0.0), 0.001)])[0]
     assert after == state
 
 
@@ -101,19 +100,19 @@ def test_a_bearing_straight_up_is_as_good_as_any() -> None:
 
 def test_a_threat_that_speeds_up_is_followed() -> None:
     """From rest to 6 m/s in two seconds, then on."""
-    state = first_state(report(0, 0, velocity_mps=(0.0, 0.0, 0.0), sigma_m=0.5), RULES)
+    state = first_state(report(0, 0, velocity_mps=(0.0, 0.0, 0.0), sigma_m=0.5))
     for number in range(1, 81):
         time_s = 0.1 * number
         east = 0.0 if time_s < 4 else 1.5 * (time_s - 4) ** 2 if time_s < 6 else 6.0 + 6.0 * (time_s - 6)
-        state = advance([state], [report(time_s, east, sigma_m=0.5)], RULES)[0]
+        state = advance([state], [report(time_s, east, sigma_m=0.5)])[0]
         assert state.mean[0] == pytest.approx(east, abs=1.5 * METRE)
     assert state.mean[0] == pytest.approx(18.0, abs=0.3 * METRE)
     assert state.mean[3] == pytest.approx(6.0, abs=0.5)
 
 
 def test_a_jump_that_its_id_vouches_for_is_believed_more_than_the_prediction() -> None:
-    still = first_state(report(0, 0, velocity_mps=(0.0, 0.0, 0.0)), RULES)
-    jumped = advance([still], [report(1.0, 0.0, 25.0, velocity_mps=(0.0, 0.0, 0.0))], RULES)[0]
+    still = first_state(report(0, 0, velocity_mps=(0.0, 0.0, 0.0)))
+    jumped = advance([still], [report(1.0, 0.0, 25.0, velocity_mps=(0.0, 0.0, 0.0))])[0]
     assert jumped.mean[1] > 18.0 * METRE
     assert np.sqrt(jumped.covariance[1, 1]) < RULES.default_sigma_m
 
@@ -164,11 +163,11 @@ def test_errors_are_as_large_as_the_covariance_says(source: Source) -> None:
             sigma_m=15.0,
             velocity_mps=vector(start[3:] + rng.normal(0, 0.5, 3)),
         )
-        state = first_state(first, RULES)
+        state = first_state(first)
         truth = wandering(rng, start, steps, step_s, RULES.acceleration_psd_m2ps3)
         for step in range(steps):
             for each in source(rng, step * step_s, truth[step]):
-                state = advance([state], [each], RULES)[0]
+                state = advance([state], [each])[0]
             error = truth[step] - state.mean
             squared[run, step] = error @ np.linalg.solve(state.covariance, error)
     low, high = (float(chi2.ppf(tail, 6 * runs)) / runs for tail in (0.025, 0.975))

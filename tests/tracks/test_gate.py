@@ -6,9 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hsop_gcs.reports import Report
-from hsop_gcs.tracks.filter import State, surely_within
-from hsop_gcs.tracks.gate import Stack, distances, explained, gate, threshold
-from tests.tracks.world import RULES, T0_S, bearing, report
+from hsop_gcs.tracks import kernels
+from hsop_gcs.tracks.filter import State
+from hsop_gcs.tracks.gate import distances as bearing_distances
+from hsop_gcs.tracks.gate import gate, threshold
+from hsop_gcs.tracks.history import Log
+from hsop_gcs.tracks.measured import rows_of
+from tests.tracks.world import RULES, T0_S, bearing, distances, report
 
 
 @pytest.mark.parametrize(("dimensions", "expected"), [(2, 13.816), (3, 16.266), (6, 22.458)])
@@ -20,14 +24,15 @@ def test_a_threats_own_reports_lie_in_its_gate_as_often_as_the_rule_says() -> No
     rng = np.random.default_rng(3)
     state = State(T0_S, np.zeros(6), np.diag([9.0, 9, 9, 1, 1, 1]))
     places = rng.multivariate_normal(np.zeros(3), np.eye(3) * (9.0 + 4.0), 20_000)
-    squared, _ = distances([state] * len(places), [report(0, *each, sigma_m=2.0) for each in places], RULES)
+    squared = distances([state] * len(places), [report(0, *each, sigma_m=2.0) for each in places])
     assert np.mean(squared > threshold(3, 0.01)) == pytest.approx(0.01, abs=0.003)
 
 
 def test_what_lies_behind_a_camera_is_not_explained_by_its_bearing() -> None:
     state = State(T0_S, np.array([0.0, 50.0, 0.0, 0.0, 0.0, 0.0]), np.eye(6))
-    assert explained(state, bearing(0, (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.01), RULES)
-    assert not explained(state, bearing(0, (0.0, 0.0, 0.0), (0.0, -1.0, 0.0), 0.01), RULES)
+    seen = [bearing(0, (0.0, 0.0, 0.0), (0.0, north, 0.0), 0.01) for north in (1.0, -1.0)]
+    squared, _ = bearing_distances([state] * 2, seen, RULES)
+    assert squared.tolist() == [pytest.approx(0.0), np.inf]
 
 
 @st.composite
@@ -44,7 +49,8 @@ def pairs(draw: st.DrawFn) -> tuple[State, Report]:
 @given(pairs())
 def test_quick_answers_agree_with_the_gate(pair: tuple[State, Report]) -> None:
     state, seen = pair
-    inside = explained(state, seen, RULES)
-    assert np.isfinite(Stack({"t1": state}).in_gates([seen], RULES)[0, 0]) == inside
-    if surely_within(state, seen, gate(seen, RULES), RULES):
-        assert inside
+    log, rows = Log(), rows_of([seen], RULES)
+    facts = np.zeros((1, kernels.FACTS))
+    facts[0, kernels.NEWEST] = log.add(-1, seen, rows[0], state)
+    cost, _ = kernels.in_gates(*log.steps[:3], facts, rows, RULES.acceleration_psd_m2ps3, RULES.scan_s)
+    assert (cost[0, 0] < kernels.FORBIDDEN) == (distances([state], [seen])[0] <= gate(seen, RULES))

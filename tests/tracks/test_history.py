@@ -68,6 +68,20 @@ def test_the_buffer_reaches_as_far_back_as_the_lag_and_no_further() -> None:
     assert np.isfinite(state_before(steps, T0_S).mean).all()
 
 
+def test_what_no_track_remembers_is_let_go() -> None:
+    picture = after(*(report(0.1 * number, 0.0) for number in range(1000)))
+    assert len(picture.tracks["t1"].steps.log.measurements) < 250
+
+
+def test_tracks_of_several_pictures_make_one() -> None:
+    one, other = after(*REPORTS), after(*(report(0.1 * number, 500.0, threat_id="t2") for number in range(100)))
+    both = Picture(tracks={**other.tracks, **one.tracks})
+    late = report(1.0, 3.0)
+    alone, together = after(late, picture=one), after(late, picture=both)
+    assert together.tracks["t1"] == alone.tracks["t1"]
+    assert together.tracks["t2"] == other.tracks["t2"]
+
+
 def test_a_batch_out_of_order_is_the_batch_in_order() -> None:
     shuffled = [REPORTS[index] for index in (3, 1, 7, 0, 5, 2, 6, 4)]
     picture, verdicts = update(Picture(), shuffled, T0_S + 2.5, RULES)

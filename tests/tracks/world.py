@@ -5,9 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from hsop_gcs.reports import Bearing, Report, Vector3
-from hsop_gcs.tracks import Picture, TrackRules, Verdict, update
+from hsop_gcs.reports import Bearing, Measurement, Report, Vector3
+from hsop_gcs.tracks import Picture, State, TrackRules, Verdict, kernels, update
 from hsop_gcs.tracks.filter import FloatArray
+from hsop_gcs.tracks.history import Log
+from hsop_gcs.tracks.measured import rows_of
 
 T0_S = 1_700_000_000.0
 RULES = TrackRules()
@@ -39,6 +41,26 @@ def after(*measurements: Report | Bearing, rules: TrackRules = RULES, picture: P
         picture, (verdict,) = update(picture, [each], each.time_s, rules)
         assert isinstance(verdict, str), verdict
     return picture
+
+
+def first_state(measured: Report, rules: TrackRules = RULES) -> State:
+    """What one report alone says."""
+    log = Log()
+    return log.state(log.begin([measured], rows_of([measured], rules), rules).item())
+
+
+def advance(states: Sequence[State], measurements: Sequence[Measurement], rules: TrackRules = RULES) -> list[State]:
+    """Each state after its measurement, which is not older."""
+    log, rows = Log(), rows_of(measurements, rules)
+    before = [log.add(-1, *each) for each in zip(measurements, rows, states, strict=True)]
+    return [log.state(at) for at in log.follow(np.array(before), measurements, rows, rules).tolist()]
+
+
+def distances(states: Sequence[State], reports: Sequence[Measurement]) -> FloatArray:
+    """The squared Mahalanobis distance of each report from its state."""
+    log, rows = Log(), rows_of(reports, RULES)
+    before = [log.add(-1, *each) for each in zip(reports, rows, states, strict=True)]
+    return kernels.distances(*log.steps[:3], np.array(before), rows, RULES.acceleration_psd_m2ps3)
 
 
 def verdict_on(picture: Picture, measurement: Report | Bearing, **given: Any) -> Verdict:
