@@ -4,7 +4,8 @@ The likeliest ways to explain all rays so far are followed side by side while th
 search. A ray is used only if it goes the same way in all likely hypotheses. Of threats that are known as well as the
 cameras see, each image is explained by itself. Of threats that are known coarsely, one camera alone would often choose
 wrongly, and rays of different threats would meet in a ghost: all their images are explained together, a
-multidimensional assignment problem in which each hypothesis keeps what its own choices say of every threat.
+multidimensional assignment problem in which each hypothesis keeps what its own choices say of every threat. Which of
+two such threats all those rays are of, ``naming`` judges by itself.
 """
 
 import itertools
@@ -18,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hsop_gcs.cameras.sight import FloatArray
+from hsop_gcs.detections.naming import doubtful
 from hsop_gcs.detections.ray import Ray
 from hsop_gcs.detections.rules import DetectionRules
 from hsop_gcs.tracks import Track, TrackRules
@@ -55,7 +57,10 @@ def associate(
     hints = [index.get(ray.detection.threat_id or "", _NONE) for ray in rays]
     shown = _by_image(rays, threats, time_s, hints, rules)
     rest = [number for number in range(len(rays)) if number not in shown]
-    together = _together([rays[number] for number in rest], threats, time_s, [hints[number] for number in rest], rules)
+    elsewhere = {each for each in shown.values() if not isinstance(each, Doubt)}
+    together = _together(
+        [rays[number] for number in rest], threats, time_s, [hints[number] for number in rest], rules, elsewhere
+    )
     shown.update(zip(rest, together, strict=True))
     return [each if isinstance(each := shown[number], Doubt) else ids[each] for number in range(len(rays))]
 
@@ -196,9 +201,14 @@ def _of_image(
 
 
 def _together(
-    rays: Sequence[Ray], threats: _Threats, time_s: float, hints: Sequence[int], rules: DetectionRules
+    rays: Sequence[Ray],
+    threats: _Threats,
+    time_s: float,
+    hints: Sequence[int],
+    rules: DetectionRules,
+    elsewhere: set[int],
 ) -> list[int | Doubt]:
-    """Return what the rays of all images show."""
+    """Return what the rays of all images show; elsewhere: the threats that further images show for sure."""
     beam = _Beam(
         cost=np.zeros(1),
         mean=threats.mean[None],
@@ -212,7 +222,35 @@ def _together(
             look = ray.look
             beam.taken = np.zeros_like(beam.taken)
         _extend(beam, ray, threats.velocity * (ray.time_s - time_s), hint, rules)
-    return _agreed(beam.cost, beam.choices, rules)
+    agreed = _agreed(beam.cost, beam.choices, rules)
+    return _surely_named(agreed, beam.choices[0].tolist(), rays, threats, hints, rules, elsewhere=elsewhere)
+
+
+def _surely_named(
+    agreed: Sequence[int | Doubt],
+    likeliest: Sequence[int],
+    rays: Sequence[Ray],
+    threats: _Threats,
+    hints: Sequence[int],
+    rules: DetectionRules,
+    *,
+    elsewhere: set[int],
+) -> list[int | Doubt]:
+    """Return the choices without those for threats whose rays, all of the likeliest hypothesis, may be another's.
+
+    elsewhere: the threats that other images show for sure. A host's own word names its threat.
+    """
+    groups: dict[int, list[int]] = {}
+    for number, choice in enumerate(likeliest):
+        if choice != _NONE and choice not in elsewhere:
+            groups.setdefault(choice, []).append(number)
+    if not groups:
+        return list(agreed)
+    open_to = [threat for threat in range(len(threats.mean)) if threat not in elsewhere]
+    seen = {open_to.index(threat): [rays[number] for number in group] for threat, group in groups.items()}
+    doubted = {open_to[each] for each in doubtful(seen, threats.mean[open_to], threats.covariance[open_to], rules)}
+    doubted -= {threat for threat, group in groups.items() if any(hints[number] != _NONE for number in group)}
+    return [Doubt.AMBIGUOUS if each in doubted else each for each in agreed]
 
 
 def _agreed(cost: FloatArray, choices: npt.NDArray[np.int64], rules: DetectionRules) -> list[int | Doubt]:

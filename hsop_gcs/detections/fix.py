@@ -50,8 +50,8 @@ def fix_of(rays: Sequence[Ray], time_s: float, belief: Belief, rules: DetectionR
     """Triangulate a threat at ``time_s``; None if the rays do not meet, or too vaguely to be worth a fix.
 
     How well the threat's flight between the exposures and the hosts' own positions are known widens each ray by their
-    angle at the threat's distance. The covariance is that of the place believed in if that is the surer one: a fix that
-    noise has put nearer to the cameras would believe itself better than one that it has put farther away.
+    angle at the threat's distance. Where a place is believed in more surely the covariance is that of the likeliest
+    place: a fix that noise has put nearer to the cameras would believe itself better than one put farther away.
     """
     velocity_mps, speed_sigma_mps = belief.velocity_mps, belief.speed_sigma_mps
     elapsed_s = np.array([time_s - ray.time_s for ray in rays])
@@ -75,10 +75,23 @@ def fix_of(rays: Sequence[Ray], time_s: float, belief: Belief, rules: DetectionR
         return None
     if belief.position_m is None or belief.sigma_m >= fix.sigma_m:
         return fix
-    believed = np.array(belief.position_m)
-    widened = _rays(rays, blur_m / np.linalg.norm(believed - origins, axis=1))
-    spread = covariance(origins, widened, believed)[0]
+    likeliest = _between(widened, origins, np.array(belief.position_m), belief.sigma_m)
+    widened = _rays(rays, blur_m / np.linalg.norm(likeliest - origins, axis=1))
+    spread = covariance(origins, widened, likeliest)[0]
     return replace(fix, covariance_m2=spread) if np.isfinite(spread).all() else fix
+
+
+def _between(rays: Rays, origins: FloatArray, believed_m: FloatArray, sigma_m: float) -> FloatArray:
+    """Return where a threat is likeliest, by the rays and by the place believed in, (3,).
+
+    Seen towards the latter alone, the long axis of a vague fix would lie across the rays.
+    """
+    depth = ((believed_m - origins) * rays.directions[0]).sum(axis=1)
+    rows = rays.whiteners[0] / np.maximum(depth, 1.0)[:, None, None]
+    ends = (rows @ origins[:, :, None])[:, :, 0]
+    rows, weight = rows.reshape(-1, 3), 3 / sigma_m**2
+    information = rows.T @ rows + weight * np.eye(3)
+    return np.asarray(np.linalg.solve(information, rows.T @ ends.ravel() + weight * believed_m))
 
 
 def _rays(rays: Sequence[Ray], blur_rad: FloatArray) -> Rays:

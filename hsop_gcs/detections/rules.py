@@ -22,8 +22,9 @@ class DetectionRules:
     """A ray less likely than this is of another threat, whatever id it bears."""
     unexplained_per_sr: float = 1e-6
     """How densely rays of unknown threats and of nothing are expected; what a threat must beat to explain a ray."""
-    sure_odds: float = 100.0
-    """A ray goes to a threat only if that is so many times likelier than anything else."""
+    sure_odds: float = 1e3
+    """A ray goes to a threat only if that is so many times likelier than anything else. Names are asked for at every
+    moment until they are sure, and what is once taken for sure is not doubted again."""
     hypotheses: int = 256
     """Ways to explain the rays of one moment that are followed side by side."""
     misfit_probability: float = 1e-4

@@ -51,7 +51,7 @@ def test_two_rays_that_might_as_well_be_exchanged_are_not_used() -> None:
 def test_all_hosts_together_decide_what_each_by_itself_would_get_wrong() -> None:
     """Both threats are believed 7 m from where they are, so that each camera's nearest choice is the wrong one."""
     first, second = (6.0, -6.0, 30.0), (-6.0, 6.0, 34.0)
-    picture = reported(("t1", (7.0, 1.0, 32.0)), ("t2", (-7.0, -1.0, 32.0)), sigma_m=5.0)
+    picture = reported(("t1", (7.0, 1.0, 32.0)), ("t2", (-7.0, -1.0, 32.0)), sigma_m=3.5)
     origins = {"a": WEST, "b": SOUTH, "c": EAST, "d": (0.0, 30.0, 30.0)}
     alone = [
         shown(picture, bearing_ray(host, at, first), bearing_ray(host, at, second)) for host, at in origins.items()

@@ -2,7 +2,9 @@
 
 import math
 
+import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from hsop_gcs.detections import DetectionRules, Ray
 from hsop_gcs.detections.candidates import Meeting, meetings
@@ -126,3 +128,18 @@ def test_a_fix_that_noise_put_nearer_is_no_surer_than_one_put_farther() -> None:
     (near, near_alone), (far, far_alone) = sigmas_m
     assert near == pytest.approx(far, rel=0.01)
     assert near_alone < 0.9 * far_alone
+
+
+def test_a_vague_fix_is_vague_along_its_rays_though_the_threat_is_believed_beside_them() -> None:
+    """A sharp ray and a vague one that is almost parallel to it: how far away the threat is, they hardly tell."""
+    threat: Vector3 = (0.0, 30.0, 30.0)
+    beside = Belief(velocity_mps=(0.0, 0.0, 0.0), speed_sigma_mps=0.0, position_m=(6.0, 24.0, 30.0), sigma_m=6.0)
+    rays = [
+        bearing_ray("a", (0.0, -30.0, 30.0), threat, sigma_deg=0.1),
+        bearing_ray("b", (10.0, -30.0, 30.0), threat, sigma_deg=3.0, off_deg=(2.0, 0.0)),
+    ]
+    fix = fix_of(rays, NOW_S, beside, RULES)
+    assert fix is not None
+    off_m = fix.position_m - np.array(threat)
+    assert np.linalg.norm(off_m) > 5.0
+    assert off_m @ np.linalg.solve(fix.covariance_m2, off_m) < chi2.ppf(0.99, 3)

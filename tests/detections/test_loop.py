@@ -14,7 +14,7 @@ from scipy.stats import chi2
 from tests.detections.examples import METRE
 from tests.detections.loop import EPOCH_S, PERIOD_S, Flight, Hover, Loop
 
-WARNING_S = 5.0
+WARNING_S = 10.0
 """A radar reports each second before the hosts are on station."""
 SETTLED_S = 2.0
 STATION_S = 8.0
