@@ -80,13 +80,13 @@ def aged(table: Table, now_s: float, rules: TrackRules) -> tuple[Table, dict[str
     facts, times_s = table.facts.copy(), table.log.steps.times_s
     if not track_kernels.age(times_s, facts, now_s, rules.coast_after_s, rules.tentative_timeout_s, rules.timeout_s):
         return table, {}
-    gone: dict[str, float] = {}
-    kept: list[int] = []
-    for row, (newest, status) in enumerate(facts[:, [kernels.NEWEST, kernels.STATUS]].tolist()):
-        if status == kernels.GONE:
-            gone[table.names[row].id] = times_s.item(int(newest))
-        else:
-            kept.append(row)
+    statuses = facts[:, kernels.STATUS].tolist()
+    kept = [row for row, status in enumerate(statuses) if status != kernels.GONE]
+    gone = {
+        table.names[row].id: times_s.item(int(facts.item(row, kernels.NEWEST)))
+        for row, status in enumerate(statuses)
+        if status == kernels.GONE
+    }
     return table.only(kept, facts), gone
 
 

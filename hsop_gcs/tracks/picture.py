@@ -110,7 +110,7 @@ class _Work:
             tally = self._tallies.get(each.source)
             if tally is None:
                 tally = self._tallies[each.source] = Tally(self._sources.get(each.source), self._now_s)
-            tally.hear(each.time_s)
+            tally.offsets_s.append(each.time_s - self._now_s)
             refusal = refusal_of(each, self._now_s, clock)
             if repeated:
                 if refusal is None and each in seen:
@@ -170,7 +170,7 @@ class _Work:
 
     def _refuse(self, index: int, refusal: Refusal) -> None:
         self.verdicts[index] = refusal
-        self._tallies[self._measurements[index].source].refuse(refusal.kind)
+        self._tallies[self._measurements[index].source].refused.append(refusal.kind)
 
     def _name(self, report: Report, others: Sequence[str]) -> str:
         """The source's id where it is free, else made unique with the source's name; a report without one gets ours."""
@@ -188,7 +188,8 @@ def _scans(measurements: Sequence[Measurement], indices: Sequence[int], rules: T
     """Put measurements in order of time and part them into scans: of one source, at one time, of different ids."""
     scans: list[list[int]] = []
     open_scans: dict[str, tuple[list[int], float, set[str | None]]] = {}
-    for index in sorted(indices, key=lambda each: measurements[each].time_s):
+    times_s = [each.time_s for each in measurements]
+    for index in sorted(indices, key=times_s.__getitem__):
         each = measurements[index]
         scan, last_s, ids = open_scans.get(each.source, _NO_SCAN)
         if each.time_s > last_s or (each.threat_id is not None and each.threat_id in ids):

@@ -15,9 +15,7 @@ def refusal_of(measurement: Measurement, now_s: float, clock: ReportRules) -> Re
         check_time(measurement.time_s, now_s, clock)
     except BadInput as error:
         return Refusal(RefusalKind.CLOCK, error.field, error.problem)
-    if isinstance(measurement, Bearing):
-        return _no_bearing(measurement)
-    return _no_position(measurement)
+    return _no_bearing(measurement) if isinstance(measurement, Bearing) else _no_position(measurement)
 
 
 def on_own_host(measurement: Measurement, rules: TrackRules, hosts_m: Mapping[str, Vector3]) -> Refusal | None:
@@ -46,7 +44,8 @@ def _no_bearing(bearing: Bearing) -> Refusal | None:
 
 
 def _no_position(report: Report) -> Refusal | None:
-    if not _finite(report.position_m):
+    east, north, up = report.position_m
+    if not (math.isfinite(east) and math.isfinite(north) and math.isfinite(up)):
         return Refusal(RefusalKind.INVALID, "position", f"{report.position_m} is not a place")
     if report.velocity_mps is not None and not _finite(report.velocity_mps):
         return Refusal(RefusalKind.INVALID, "velocity", f"{report.velocity_mps} is not a velocity")
@@ -60,8 +59,7 @@ def _no_position(report: Report) -> Refusal | None:
 
 
 def _finite(vector: Vector3) -> bool:
-    east, north, up = vector
-    return math.isfinite(east) and math.isfinite(north) and math.isfinite(up)
+    return all(map(math.isfinite, vector))
 
 
 def _is_covariance(matrix: Matrix3) -> bool:

@@ -59,28 +59,28 @@ Watches = Mapping[str, SourceWatch]
 class Tally:
     """What one update hears of one source: a watch in the making."""
 
+    __slots__ = ("_now_s", "_watch", "accepted", "offsets_s", "out_of_order", "refused")
+
     def __init__(self, watch: SourceWatch | None, now_s: float) -> None:
         self._watch = watch or SourceWatch(last_heard_s=now_s)
         self._now_s = now_s
-        self._offsets_s: list[float] = []
-        self._refused = dict(self._watch.refused)
+        self.offsets_s: list[float] = []
+        """The times of its reports minus ours, believed or not."""
         self.accepted = 0
         self.out_of_order = 0
-
-    def hear(self, time_s: float) -> None:
-        """Count a report of ``time_s``, believed or not."""
-        self._offsets_s.append(time_s - self._now_s)
-
-    def refuse(self, kind: RefusalKind) -> None:
-        self._refused[kind] = self._refused.get(kind, 0) + 1
+        self.refused: list[RefusalKind] = []
 
     def watch(self) -> SourceWatch:
         """Return the watch with all that was heard."""
+        before = self._watch
+        refused = before.refused
+        for kind in self.refused:
+            refused = {**refused, kind: refused.get(kind, 0) + 1}
         return SourceWatch(
             last_heard_s=self._now_s,
-            accepted=self._watch.accepted + self.accepted,
-            out_of_order=self._watch.out_of_order + self.out_of_order,
-            refused=self._refused,
-            clock_samples=self._watch.clock_samples + len(self._offsets_s),
-            recent_offsets_s=(*self._watch.recent_offsets_s, *self._offsets_s)[-_OFFSETS_KEPT:],
+            accepted=before.accepted + self.accepted,
+            out_of_order=before.out_of_order + self.out_of_order,
+            refused=refused,
+            clock_samples=before.clock_samples + len(self.offsets_s),
+            recent_offsets_s=(*before.recent_offsets_s, *self.offsets_s)[-_OFFSETS_KEPT:],
         )
