@@ -63,7 +63,7 @@ def _is_seen(track: Track, since_s: float) -> bool:
 
 def _last_seen_s(track: Track) -> float:
     """When cameras saw a threat last, as far as its track remembers."""
-    return max((step.time_s for step in track.steps if step.measurement.track_id is not None), default=-np.inf)
+    return max((each.time_s for each in track.steps if each.track_id is not None), default=-np.inf)
 
 
 def _distances(

@@ -200,13 +200,8 @@ def _has_other_id(track: Track, measurement: Measurement) -> bool:
 
 def _of_same_scan(steps: History, measurement: Measurement, rules: TrackRules) -> list[Measurement]:
     """Return what the same source has said of the track at the same time."""
-    found: list[Measurement] = []
-    for each in steps:
-        if each.time_s < measurement.time_s - rules.scan_s:
-            break
-        if each.measurement.source == measurement.source and each.time_s <= measurement.time_s + rules.scan_s:
-            found.append(each.measurement)
-    return found
+    from_s, to_s = measurement.time_s - rules.scan_s, measurement.time_s + rules.scan_s
+    return [each for each in steps.since(from_s) if each.source == measurement.source and each.time_s <= to_s]
 
 
 def _untimely(track: Track, measurement: Measurement, rules: TrackRules) -> Refusal | None:
@@ -219,9 +214,8 @@ def _untimely(track: Track, measurement: Measurement, rules: TrackRules) -> Refu
             "time",
             f"{late_s:.1f} s older than the newest report of threat {track.id!r}; the limit is {rules.lag_s:g} s",
         )
-    repeated = any(
-        each.time_s == measurement.time_s and _same_sighting(each.measurement, measurement) for each in track.steps
-    )
+    told = track.steps.since(measurement.time_s)
+    repeated = any(each.time_s == measurement.time_s and _same_sighting(each, measurement) for each in told)
     return _duplicate(track) if repeated else None
 
 
@@ -237,12 +231,8 @@ def _duplicate(track: Track) -> Refusal:
 
 def _is_held_by_others(track: Track, measurement: Report, rules: TrackRules) -> bool:
     """Whether another source, or another id, has lately reported the track."""
-    oldest_s = measurement.time_s - rules.coast_after_s
-    return any(
-        each.time_s >= oldest_s
-        and (each.measurement.source, each.measurement.threat_id) != (measurement.source, measurement.threat_id)
-        for each in track.steps
-    )
+    told = track.steps.since(measurement.time_s - rules.coast_after_s)
+    return any((each.source, each.threat_id) != (measurement.source, measurement.threat_id) for each in told)
 
 
 def _out_of_reach(track: Track, report: Report, rules: TrackRules) -> Refusal | None:

@@ -5,6 +5,7 @@ Deterministic: the same measurements in the same order give the same states to t
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import takewhile
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,17 +16,6 @@ from hsop_gcs.tracks.filter import FloatArray, State, update
 from hsop_gcs.tracks.gate import gate, predicted
 from hsop_gcs.tracks.kernels import IntArray
 from hsop_gcs.tracks.rules import TrackRules
-
-
-class Step(NamedTuple):
-    """One measurement and the state after it."""
-
-    measurement: Measurement
-    state: State
-
-    @property
-    def time_s(self) -> float:
-        return self.state.time_s
 
 
 class Arrays(NamedTuple):
@@ -86,19 +76,22 @@ class Log:
             size = len(self.measurements)
             return np.arange(size - len(newest), size)
         at: list[int] = []
-        pending: list[list[tuple[Measurement, FloatArray]]] = []
-        for step, measurement, row in zip(newest.tolist(), measurements, rows, strict=True):
-            told = []
+        later: list[list[int]] = []
+        for step, measurement in zip(newest.tolist(), measurements, strict=True):
+            since: list[int] = []
             while step >= 0 and self.steps.times_s[step] > measurement.time_s:
-                told.append((self.measurements[step], self.steps.rows[step]))
+                since.append(step)
                 step = self.steps.before.item(step)
-            if step >= 0:
-                told.append((measurement, row))
-            at.append(step if step >= 0 else self.begin([measurement], row[None], rules).item())
-            pending.append(told)
-        while due := [index for index, told in enumerate(pending) if told]:
-            next_told = [pending[index].pop() for index in due]
-            after = self._advance([at[index] for index in due], next_told, rules)
+            at.append(step)
+            later.append(since)
+        told = [index for index, step in enumerate(at) if step >= 0]
+        after = self._advance([at[each] for each in told], [measurements[each] for each in told], rows[told], rules)
+        for index, measurement in enumerate(measurements):
+            at[index] = after.pop(0) if at[index] >= 0 else self.begin([measurement], rows[[index]], rules).item()
+        while due := [index for index, since in enumerate(later) if since]:
+            again = [later[index].pop() for index in due]
+            replayed = [self.measurements[step] for step in again]
+            after = self._advance([at[each] for each in due], replayed, self.steps.rows[again], rules)
             for index, step in zip(due, after, strict=True):
                 at[index] = step
         return np.array(at)
@@ -144,26 +137,26 @@ class Log:
         return done
 
     def _advance(
-        self, at: Sequence[int], told: Sequence[tuple[Measurement, FloatArray]], rules: TrackRules
+        self, at: Sequence[int], measurements: Sequence[Measurement], rows: FloatArray, rules: TrackRules
     ) -> list[int]:
         """Return the steps that follow steps by measurements that are not older."""
         after = list(at)
-        reports = [index for index, (each, _) in enumerate(told) if not isinstance(each, Bearing)]
+        reports = [index for index, each in enumerate(measurements) if isinstance(each, Report)]
         if reports:
             size = len(self.measurements)
-            rows = np.array([told[index][1] for index in reports])
-            self._correct(np.array([at[index] for index in reports]), [told[i][0] for i in reports], rows, rules)
+            chosen = [measurements[index] for index in reports]
+            self._correct(np.array([at[index] for index in reports]), chosen, rows[reports], rules)
             for number, index in enumerate(reports):
                 after[index] = size + number
-        seen = {index: each for index, (each, _) in enumerate(told) if isinstance(each, Bearing)}
+        seen = {index: each for index, each in enumerate(measurements) if isinstance(each, Bearing)}
         if seen:
             bearings = list(seen.values())
             times_s = [each.time_s for each in bearings]
             mean, covariance = predicted([self.state(at[index]) for index in seen], times_s, rules)
             means, covariances = update(mean, covariance, bearings, gate(bearings[0], rules))
-            for number, index in enumerate(seen):
+            for number, (index, bearing) in enumerate(seen.items()):
                 state = State(times_s[number], means[number], covariances[number])
-                after[index] = self.add(at[index], *told[index], state)
+                after[index] = self.add(at[index], bearing, rows[index], state)
         return after
 
     def add(self, before: int, measurement: Measurement, row: FloatArray, state: State) -> int:
@@ -177,20 +170,24 @@ class Log:
 
 
 class History:
-    """A track's steps of the last ``memory_s`` and one older to start from, newest first."""
+    """What a track was told in its last ``memory_s``, and one measurement older to start from, newest first."""
 
     __slots__ = ("log", "memory_s", "newest")
 
     def __init__(self, log: Log, newest: int, memory_s: float) -> None:
         self.log, self.newest, self.memory_s = log, newest, memory_s
 
-    def __iter__(self) -> Iterator[Step]:
+    def __iter__(self) -> Iterator[Measurement]:
         at, steps = self.newest, self.log.steps
         oldest = track_kernels.step_at(steps.times_s, steps.before, at, -np.inf, self.memory_s)
-        yield Step(self.log.measurements[at], self.log.state(at))
+        yield self.log.measurements[at]
         while at != oldest:
             at = steps.before.item(at)
-            yield Step(self.log.measurements[at], self.log.state(at))
+            yield self.log.measurements[at]
+
+    def since(self, time_s: float) -> Iterator[Measurement]:
+        """Return what is not older than ``time_s``, newest first."""
+        return takewhile(lambda each: each.time_s >= time_s, self)
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
