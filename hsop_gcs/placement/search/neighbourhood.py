@@ -15,12 +15,17 @@ from hsop_gcs.placement.search.chance import below, uniform
 from hsop_gcs.placement.search.compiled import kernel
 from hsop_gcs.placement.search.model import Ints, Question, edge_energy
 from hsop_gcs.placement.search.moves import jump, keep_clear
-from hsop_gcs.placement.search.parts import groups, question_about
+from hsop_gcs.placement.search.parts import Part, groups, put_together, question_about
 from hsop_gcs.placement.search.polish import polish
+from hsop_gcs.placement.search.poses import anneal_poses, decided_by_poses
 from hsop_gcs.placement.search.state import State, copied, copy_state, new_state, refresh, set_view, totals
 
 POLISH_STEPS = 80
 STIFFNESS = 15.0
+STIFFEST = 1_500.0
+"""At the end of an anneal over poses."""
+HOT, COLD = 0.5, 1e-3
+"""First and last temperature of anneals from random poses."""
 MENDING_STIFFNESS = 60.0
 """Of penalties while no placement keeps every rule: cost matters little then."""
 TRANSFERS = 0.6
@@ -79,20 +84,41 @@ def better(cost: float, violation: float, than_cost: float, than_violation: floa
     return cost < than_cost
 
 
-def fresh(
-    q: Question, s: State, trial: State, moves: int, hot: float, cold: float, reach_m: float, chance: Chance
-) -> None:
+def shares_nothing(q: Question, s: State) -> bool:
+    """Whether there are two hosts for each of several threats, alike and out of each other's way: each is by itself."""
+    apart = q.separation_m <= 0 and len(q.hosts_of_rig) == 1
+    return bool(apart and len(s.pairs) > 1 and len(s.degree) == 2 * len(s.pairs))
+
+
+def starts_quickly(q: Question, s: State) -> bool:
+    """Whether ``fresh`` takes few moves: over poses alone, or threat by threat."""
+    return decided_by_poses(q, s) or shares_nothing(q, s)
+
+
+def fresh(q: Question, s: State, trial: State, moves: int, reach_m: float, chance: Chance) -> None:
     """Anneal an empty state from random poses, leaving the polished result in ``s``."""
-    scatter(q, trial, chance)
-    hosts = np.arange(s.degree.shape[0])
-    anneal(q, trial, s, hosts, np.arange(s.pairs.shape[0]), moves, hot, cold, reach_m, STIFFNESS, chance)
+    hosts, threats = np.arange(s.degree.shape[0]), np.arange(s.pairs.shape[0])
+    if shares_nothing(q, s):
+        alone = []
+        for threat in range(threats.size):
+            alone.append(Part((threat,), new_state(1, 2)))
+            own = question_about(q, [threat])
+            fresh(own, alone[-1].state, new_state(1, 2), moves // threats.size, reach_m, chance)
+        copy_state(put_together(q, alone), s)
+        return
+    if decided_by_poses(q, s):
+        scatter(q, s, chance)
+        anneal_poses(q, s, moves, HOT, COLD, reach_m, STIFFNESS, STIFFEST, chance)
+    else:
+        scatter(q, trial, chance)
+        anneal(q, trial, s, hosts, threats, moves, HOT, COLD, reach_m, STIFFNESS, chance)
     polish(q, s, np.ones(hosts.size, np.int64), POLISH_STEPS)
 
 
 def shake(q: Question, s: State, trial: State, moves: int, hot: float, reach_m: float, chance: Chance) -> None:
     """Anneal all of ``trial`` again from a moderate temperature, leaving the polished result in ``s``."""
     hosts = np.arange(s.degree.shape[0])
-    anneal(q, trial, s, hosts, np.arange(s.pairs.shape[0]), moves, hot, 1e-3, reach_m, MENDING_STIFFNESS, chance)
+    anneal(q, trial, s, hosts, np.arange(s.pairs.shape[0]), moves, hot, COLD, reach_m, MENDING_STIFFNESS, chance)
     polish(q, s, np.ones(hosts.size, np.int64), POLISH_STEPS)
 
 
@@ -159,7 +185,7 @@ def regrown(q: Question, s: State, reach_m: float, chance: Chance) -> Found:
     most = min(2 * len(threats), int(q.hosts_of_rig.sum()))
     count = min(max(2, len(hosts) + below(chance, 3) - 1), most)
     grown, trial = new_state(len(threats), count), new_state(len(threats), count)
-    fresh(question_about(q, threats), grown, trial, GROWING_MOVES * len(threats), 0.5, 1e-3, reach_m, chance)
+    fresh(question_about(q, threats), grown, trial, GROWING_MOVES * len(threats), reach_m, chance)
     return grown, threats
 
 

@@ -12,7 +12,7 @@ from hsop_gcs.placement.search.chance import State as Chance
 from hsop_gcs.placement.search.chance import seeded
 from hsop_gcs.placement.search.model import Question
 from hsop_gcs.placement.search.moves import mend
-from hsop_gcs.placement.search.neighbourhood import Found, fresh, improve, regrown, shake
+from hsop_gcs.placement.search.neighbourhood import Found, fresh, improve, regrown, shake, starts_quickly
 from hsop_gcs.placement.search.parts import Parts
 from hsop_gcs.placement.search.state import State, copied, copy_state, new_state, totals
 
@@ -21,12 +21,15 @@ POOL = 8
 STARTS = 2
 """Anneals from random poses in one task, of which the best is improved."""
 SHORTEST_START, MOVES_PER_THREAT = 3_000, 2_400
+MOVES_PER_PAIR = 240
+"""Of threats, where starts are quick."""
 EVERY_LANE = -1
 RESTART_EVERY = 6
 """One lane starts afresh in every so many rounds."""
 TRIALS, TRIALS_AFTER_START, TRIALS_MEANWHILE = 5, 4, 12
 """Neighbourhoods that are annealed again in one task, in about two hundredths of a second; while another starts afresh,
 as many as take the same time."""
+TRIALS_AFTER_QUICK_START = 2
 MOVES_PER_HOST = 500
 WARM_TRIALS, SHAKE_MOVES = 3, 8_000
 """The first round from an earlier placement is a short one: little may be left to do."""
@@ -80,6 +83,8 @@ class Course:
         self.settled = 0
         """The round in which the best changed last: no more than these are needed to find it again."""
         self._scratch = [[new_state(len(q.weight), n_hosts) for _ in range(3)] for _ in range(LANES)]
+        self._quick = starts_quickly(q, self._scratch[0][0])
+        """Fresh starts are so quick that every task ends with one."""
         self._warm = False
 
     def start_from(self, state: State) -> None:
@@ -117,7 +122,7 @@ class Course:
         found: list[Found] = []
         if not states or starting in (EVERY_LANE, lane):
             self._start(state, trial, spare, chance, found)
-            trials = TRIALS_AFTER_START
+            trials = TRIALS_AFTER_QUICK_START if self._quick else TRIALS_AFTER_START
         elif self._warm and self.round == 0:
             trials = WARM_TRIALS
             copy_state(states[0], state)
@@ -131,6 +136,8 @@ class Course:
         improve(self.q, state, trial, spare, trials, MOVES_PER_HOST, REACH_M, chance, found)
         if self.round > 0:
             found.append(regrown(self.q, state, REACH_M, chance))
+            if self._quick:
+                found.append(self._fresh(spare, trial, chance))
         return state, found
 
     @property
@@ -150,14 +157,19 @@ class Course:
     def _start(self, state: State, trial: State, spare: State, chance: Chance, found: list[Found]) -> None:
         """Leave the best of some short anneals from random poses in ``state``."""
         least = (math.inf, math.inf)
-        moves = max(SHORTEST_START, MOVES_PER_THREAT * len(self.q.weight))
         for _ in range(STARTS):
-            fresh(self.q, spare, trial, moves, 0.5, 1e-3, REACH_M, chance)
-            found.append((copied(spare), range(len(self.q.weight))))
+            found.append(self._fresh(spare, trial, chance))
             cost, violation = totals(self.q, spare)
             if (violation, cost) < least:
                 least = (violation, cost)
                 copy_state(spare, state)
+
+    def _fresh(self, state: State, trial: State, chance: Chance) -> Found:
+        """Leave a short anneal from random poses in ``state``; return a copy."""
+        threats = len(self.q.weight)
+        moves = max(SHORTEST_START, threats * (MOVES_PER_PAIR * threats if self._quick else MOVES_PER_THREAT))
+        fresh(self.q, state, trial, moves, REACH_M, chance)
+        return copied(state), range(threats)
 
 
 def run(

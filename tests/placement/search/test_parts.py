@@ -25,7 +25,7 @@ def question(formulation: Formulation = Formulation.LETTER) -> Question:
 
 def annealed(q: Question, hosts: int, seed: int) -> State:
     state, trial = new_state(len(q.weight), hosts), new_state(len(q.weight), hosts)
-    fresh(q, state, trial, 2_000, 0.5, 1e-3, 25.0, seeded(seed))
+    fresh(q, state, trial, 2_000, 25.0, seeded(seed))
     return state
 
 

@@ -81,7 +81,7 @@ def test_no_placement_of_three_threats_is_below_it(n_hosts: int, objective: Obje
         assert violation > 0 or cost >= bound
     state, trial = new_state(3, n_hosts), new_state(3, n_hosts)
     for seed in range(20):
-        fresh(q, state, trial, 2_000, 0.5, 1e-3, 25.0, seeded(seed))
+        fresh(q, state, trial, 2_000, 25.0, seeded(seed))
         cost, violation = totals(q, state)
         valid += violation <= 0
         assert violation > 0 or cost >= bound

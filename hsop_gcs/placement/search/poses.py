@@ -1,0 +1,309 @@
+"""Annealing over poses alone: at every step each threat has the two hosts that serve it best, and they the best camera.
+
+Where hosts stand and look decides by itself who sees what: a change of one pose may change all pairs at once, and there
+are no barriers between pair sets. For that a host's central camera looks to the middle of one threat, or of two, and
+what does not fit in there is seen by its fisheyes. It holds for questions in a plane with rigs that are all alike, in
+which hosts do not stand in each other's way.
+"""
+
+import math
+
+import numpy as np
+
+from hsop_gcs.placement.search.chance import State as Chance
+from hsop_gcs.placement.search.chance import bell, below, uniform
+from hsop_gcs.placement.search.compiled import kernel, lean_kernel
+from hsop_gcs.placement.search.model import (
+    CENTRAL,
+    PERIPHERAL,
+    SMALLEST_RELATIVE_SIZE,
+    SMALLEST_SINE,
+    Floats,
+    Ints,
+    Question,
+    distance_factor,
+    pair_cost,
+    relative_size,
+    threat_cost,
+)
+from hsop_gcs.placement.search.moves import accepted, push_out
+from hsop_gcs.placement.search.state import State, refresh, set_view
+
+VIEW = 8
+"""What is kept of a view: two factors, two directions, the violation, and the camera."""
+STRICTER = 1e-4
+"""Every rule is kept with so much to spare: an anneal ends with violations a little below."""
+A_LITTLE = 0.02
+"""A central camera is used up to this violation; beyond, the fisheyes."""
+
+
+def decided_by_poses(q: Question, s: State) -> bool:
+    """Whether ``anneal_poses`` holds for a question, and hosts are shared: else there is no pair set to decide."""
+    alike = len(q.hosts_of_rig) == 1 and q.separation_m <= 0 and len(q.areas) == 0
+    return bool(q.plane and alike and not q.whole_path and len(s.degree) < 2 * len(s.pairs))
+
+
+@lean_kernel
+def unit(q: Question, s: State, host: int, threat: int, k: int) -> tuple[float, float]:
+    """Return the direction from a host to a point of a threat."""
+    x, y = q.points_m[threat, k, 0] - s.positions[host, 0], q.points_m[threat, k, 1] - s.positions[host, 1]
+    d = math.sqrt(x * x + y * y) + 1e-12
+    return x / d, y / d
+
+
+@lean_kernel
+def middle_of_aims(q: Question, s: State, aims: Ints, host: int) -> tuple[float, float]:
+    """Return the middle between those directions to what a host aims at that are farthest apart."""
+    x = y = 0.0
+    least = 2.0
+    for a in range(2 if aims[host, 0] == aims[host, 1] else 4):
+        ex, ey = unit(q, s, host, aims[host, a // 2], a % 2)
+        for b in range(a):
+            gx, gy = unit(q, s, host, aims[host, b // 2], b % 2)
+            if ex * gx + ey * gy < least:
+                least, x, y = ex * gx + ey * gy, ex + gx, ey + gy
+    d = math.sqrt(x * x + y * y) + 1e-12
+    return x / d, y / d
+
+
+@lean_kernel
+def look(q: Question, s: State, aims: Ints, host: int, views: Floats) -> None:
+    """Fill (threats, VIEW) with what a host sees as it stands."""
+    x, y = s.positions[host, 0], s.positions[host, 1]
+    ax, ay = s.axes[host, 0], s.axes[host, 1]
+    px, py = middle_of_aims(q, s, aims, host)
+    half = 0.5 * q.fov_rad[0] - STRICTER
+    inside, across = math.cos(half), math.sin(half)
+    for threat in range(q.weight.shape[0]):
+        view = views[threat]
+        violation = beyond = 0.0
+        for k in range(2):
+            ex, ey = q.points_m[threat, k, 0] - x, q.points_m[threat, k, 1] - y
+            d = math.sqrt(ex * ex + ey * ey) + 1e-12
+            ex, ey = ex / d, ey / d
+            view[k], view[2 + 2 * k], view[3 + 2 * k] = d, ex, ey
+            beyond += max(0.0, d / q.range_m[CENTRAL, threat] - 1 + STRICTER)
+            beyond += max(0.0, (inside - ex * px - ey * py) / across)
+            violation += max(0.0, 1 + STRICTER - d / q.safety_m)
+        view[7] = CENTRAL if beyond < A_LITTLE else PERIPHERAL
+        if beyond < A_LITTLE:
+            violation += beyond
+        for k in range(2):
+            d = view[k]
+            if beyond < A_LITTLE:
+                view[k] = distance_factor(q, CENTRAL, threat, d)
+            else:
+                view[k] = distance_factor(q, PERIPHERAL, threat, d)
+                size = abs(view[2 + 2 * k] * ax + view[3 + 2 * k] * ay)
+                if d < q.range_m[PERIPHERAL, threat]:
+                    size = relative_size(size, q.distortion, 0)
+                violation += max(0.0, d / q.range_m[PERIPHERAL, threat] - size + STRICTER)
+                if not q.rms:
+                    view[k] /= max(size, SMALLEST_RELATIVE_SIZE)
+        view[6] = violation
+
+
+@lean_kernel
+def pair_energy(q: Question, threat: int, first: Floats, second: Floats, penalty: float, most: float) -> float:
+    """Return what a threat costs with two views, and the price of their violations; or any number above ``most``."""
+    price = penalty * (first[6] + second[6])
+    if price >= most:
+        return math.inf
+    both = pair_cost(q, first[0], second[0], 1.0) + pair_cost(q, first[1], second[1], 1.0)
+    if threat_cost(q, threat, both) + price >= most:  # as it is at right angles, it costs more at others
+        return math.inf
+    both = 0.0
+    for k in range(2):
+        sine = abs(first[2 + 2 * k] * second[3 + 2 * k] - first[3 + 2 * k] * second[2 + 2 * k])
+        if sine < SMALLEST_SINE:
+            sine = SMALLEST_SINE
+            price += penalty * 1e-3
+        both += pair_cost(q, first[k], second[k], sine)
+    return float(threat_cost(q, threat, both) + price)
+
+
+@lean_kernel
+def best_pair(
+    q: Question, threat: int, views: Floats, without: int, penalty: float, most: float
+) -> tuple[float, int, int]:
+    """Return the least energy of a threat with any two hosts but one, below ``most``, and these two; -1: none."""
+    best, one, other = most, -1, -1
+    for i in range(views.shape[0]):
+        if i == without or penalty * views[i, threat, 6] >= best:
+            continue
+        for j in range(i):
+            if j == without:
+                continue
+            energy = pair_energy(q, threat, views[i, threat], views[j, threat], penalty, best)
+            if energy < best:
+                best, one, other = energy, i, j
+    return best, one, other
+
+
+@lean_kernel
+def propose(q: Question, s: State, aims: Ints, pairs: Ints, host: int, reach_m: float, chance: Chance) -> None:
+    """Change one host's pose: a step of random scale up to ``reach_m``, a turn, another aim, or a jump to a threat."""
+    threats = q.weight.shape[0]
+    kind = uniform(chance)
+    if kind < 0.66:
+        scale = reach_m * math.exp(-7 * uniform(chance))
+        s.positions[host, 0] += scale * bell(chance)
+        s.positions[host, 1] += scale * bell(chance)
+    if kind < 0.30 or 0.66 <= kind < 0.76:
+        angle = 0.05 * reach_m * math.exp(-7 * uniform(chance)) * bell(chance)
+        c, d = math.cos(angle), math.sin(angle)
+        east, north = s.axes[host, 0], s.axes[host, 1]
+        s.axes[host, 0], s.axes[host, 1] = east * c + north * d, north * c - east * d
+    elif 0.76 <= kind < 0.84:
+        aims[host, 0] = aims[host, 1] = below(chance, threats)
+        if uniform(chance) < 0.4:
+            aims[host, 1] = below(chance, threats)
+    elif 0.84 <= kind < 0.88:
+        turn(q, s, host, below(chance, threats), uniform(chance))
+    elif kind >= 0.88:
+        threat, k = below(chance, threats), below(chance, 2)
+        distance = q.safety_m * (1 + 0.6 * uniform(chance) ** 3)
+        angle = 2 * math.pi * uniform(chance)
+        partner = pairs[threat, below(chance, 2)]
+        if partner != host and uniform(chance) < 0.6:
+            x = s.positions[partner, 0] - q.points_m[threat, k, 0]
+            y = s.positions[partner, 1] - q.points_m[threat, k, 1]
+            angle = math.atan2(x, y) + (0.5 if uniform(chance) < 0.5 else -0.5) * math.pi + 0.3 * bell(chance)
+        s.positions[host, 0] = q.points_m[threat, k, 0] + distance * math.sin(angle)
+        s.positions[host, 1] = q.points_m[threat, k, 1] + distance * math.cos(angle)
+        turn(q, s, host, threat if uniform(chance) < 0.5 else below(chance, threats), uniform(chance))
+        aims[host, 0] = aims[host, 1] = threat
+    radius = q.safety_m * (1 + STRICTER)
+    for _ in range(2):
+        moved = False
+        for threat in range(threats):
+            if pairs[threat, 0] == host or pairs[threat, 1] == host:
+                for k in range(2):
+                    x = s.positions[host, 0] - q.points_m[threat, k, 0]
+                    y = s.positions[host, 1] - q.points_m[threat, k, 1]
+                    moved |= push_out(s, host, x, y, 0.0, radius)
+        if not moved:
+            break
+
+
+@lean_kernel
+def turn(q: Question, s: State, host: int, threat: int, share: float) -> None:
+    """Point the fisheye axis at a point of a threat's path."""
+    x = q.points_m[threat, 0, 0] * (1 - share) + q.points_m[threat, 1, 0] * share - s.positions[host, 0]
+    y = q.points_m[threat, 0, 1] * (1 - share) + q.points_m[threat, 1, 1] * share - s.positions[host, 1]
+    d = math.sqrt(x * x + y * y)
+    if d > 1e-9:
+        s.axes[host, 0], s.axes[host, 1] = x / d, y / d
+
+
+@kernel
+def anneal_poses(
+    q: Question,
+    s: State,
+    moves: int,
+    hot: float,
+    cold: float,
+    reach_m: float,
+    soft: float,
+    stiff: float,
+    chance: Chance,
+) -> None:
+    """Anneal all poses in ``s``, from where hosts stand, and leave the pairs and cameras that fit them.
+
+    Temperatures and reach are those of ``anneal``; ``soft`` and ``stiff`` are the first and the last price of a
+    violation of 1, relative to the cost of an average threat.
+    """
+    threats, count = s.pairs.shape[0], s.degree.shape[0]
+    aims = np.zeros((count, 2), np.int64)
+    views = np.empty((count, threats, VIEW))
+    seen = np.empty((threats, VIEW))
+    energy, new_energy = np.empty(threats), np.empty(threats)
+    pairs, new_pairs = np.empty((threats, 2), np.int64), np.empty((threats, 2), np.int64)
+    for host in range(count):
+        aimed = 0
+        for n in range(s.degree[host]):
+            view = s.incident[host, n]
+            if s.cameras[view // 2, view % 2] == CENTRAL:
+                aims[host, min(aimed, 1)] = view // 2
+                aimed += 1
+        if aimed == 0:
+            aims[host, 0] = s.incident[host, 0] // 2 if s.degree[host] > 0 else 0
+        if aimed < 2:
+            aims[host, 1] = aims[host, 0]
+        look(q, s, aims, host, views[host])
+    chunk = 50 + 10 * count
+    chunks = max(2, moves // chunk)
+    penalty = soft
+    for n in range(chunks):
+        mean = 0.0
+        for threat in range(threats):
+            if n == 0:
+                energy[threat], pairs[threat, 0], pairs[threat, 1] = best_pair(q, threat, views, -1, 1e3, math.inf)
+            i, j = pairs[threat, 0], pairs[threat, 1]
+            mean += pair_energy(q, threat, views[i, threat], views[j, threat], 0.0, math.inf) / threats
+        progress = n / chunks
+        temperature = mean * hot * (cold / hot) ** progress
+        penalty = mean * soft * (stiff / soft) ** progress
+        reach = max(0.3, reach_m * (1 - progress) ** 2)
+        for threat in range(threats):
+            energy[threat], pairs[threat, 0], pairs[threat, 1] = best_pair(q, threat, views, -1, penalty, math.inf)
+        for _ in range(chunk):
+            host = below(chance, count)
+            x, y = s.positions[host, 0], s.positions[host, 1]
+            east, north = s.axes[host, 0], s.axes[host, 1]
+            first, second = aims[host, 0], aims[host, 1]
+            propose(q, s, aims, pairs, host, reach, chance)
+            look(q, s, aims, host, seen)
+            more = 0.0
+            for threat in range(threats):
+                i, j = pairs[threat, 0], pairs[threat, 1]
+                least, one, other = energy[threat], i, j
+                if i == host or j == host:
+                    partner = j if i == host else i
+                    least = pair_energy(q, threat, seen[threat], views[partner, threat], penalty, math.inf)
+                    if least > energy[threat]:
+                        rest, a, b = best_pair(q, threat, views, host, penalty, least)
+                        if a >= 0:
+                            least, one, other = rest, a, b
+                if penalty * seen[threat, 6] < least:
+                    for partner in range(count):
+                        if partner != host:
+                            tried = pair_energy(q, threat, seen[threat], views[partner, threat], penalty, least)
+                            if tried < least:
+                                least, one, other = tried, host, partner
+                new_energy[threat], new_pairs[threat, 0], new_pairs[threat, 1] = least, one, other
+                more += least - energy[threat]
+            if accepted(more, temperature, chance):
+                views[host] = seen
+                energy[:] = new_energy
+                pairs[:] = new_pairs
+            else:
+                s.positions[host, 0], s.positions[host, 1] = x, y
+                s.axes[host, 0], s.axes[host, 1] = east, north
+                aims[host, 0], aims[host, 1] = first, second
+    assign(s, views, pairs)
+    refresh(q, s)
+
+
+@kernel
+def assign(s: State, views: Floats, pairs: Ints) -> None:
+    """Give every threat the pair found for it; a host that nobody needs stands where one is shared, and relieves it."""
+    threats, count = s.pairs.shape[0], s.degree.shape[0]
+    for threat in range(threats):
+        s.pairs[threat, 0] = s.pairs[threat, 1] = -1
+    for host in range(count):
+        s.degree[host] = 0
+    for threat in range(threats):
+        for end in range(2):
+            host = pairs[threat, end]
+            set_view(s, threat, end, host, int(views[host, threat, 7]))
+    for host in range(count):
+        if s.degree[host] > 0:
+            continue
+        for view in range(2 * threats):
+            parent = s.pairs[view // 2, view % 2]
+            if s.degree[parent] > 1:
+                s.positions[host] = s.positions[parent]
+                s.axes[host] = s.axes[parent]
+                set_view(s, view // 2, view % 2, host, s.cameras[view // 2, view % 2])
+                break

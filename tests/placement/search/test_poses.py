@@ -1,0 +1,56 @@
+"""Annealing over poses alone: what it leaves keeps every rule and cannot be shared out better."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from hsop_gcs.placement.problem import Formulation, Problem
+from hsop_gcs.placement.search.anneal import scatter
+from hsop_gcs.placement.search.chance import seeded
+from hsop_gcs.placement.search.model import PERIPHERAL, Question, edge_energy
+from hsop_gcs.placement.search.poses import anneal_poses, decided_by_poses
+from hsop_gcs.placement.search.question import frame_of, question_of
+from hsop_gcs.placement.search.state import State, copied, new_state, refresh, totals
+from tests.placement.examples import random_threats
+
+HOSTS, THREATS = 5, 5
+
+
+def annealed(seed: int = 1) -> tuple[Question, State]:
+    problem = Problem(threats=random_threats(THREATS, np.random.default_rng(3), 70.0), formulation=Formulation.LETTER)
+    q = question_of(problem, frame_of(problem))
+    state = new_state(THREATS, HOSTS)
+    chance = seeded(seed)
+    scatter(q, state, chance)
+    anneal_poses(q, state, 20_000, 0.5, 1e-3, 25.0, 15.0, 1_500.0, chance)
+    return q, state
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_an_anneal_over_poses_keeps_every_rule_and_uses_every_host(seed: int) -> None:
+    q, state = annealed(seed=seed)
+    again = copied(state)
+    refresh(q, again)
+    assert totals(q, again) == totals(q, state)
+    assert totals(q, state)[1] == 0
+    assert state.degree.min() >= 1
+    assert state.degree.sum() == 2 * THREATS
+
+
+def test_no_other_pair_of_fisheyes_would_serve_a_threat_better() -> None:
+    q, state = annealed()
+    for threat in range(THREATS):
+        for i, j in itertools.combinations(range(HOSTS), 2):
+            cost, violation = edge_energy(
+                q, state.positions, state.axes, state.rigs, threat, i, j, PERIPHERAL, PERIPHERAL
+            )
+            assert violation > 0 or cost > state.cost[threat] * (1 - 1e-3)
+
+
+def test_poses_decide_where_hosts_are_alike_and_shared_and_free_to_stand_anywhere() -> None:
+    q, state = annealed()
+    assert decided_by_poses(q, state)
+    assert not decided_by_poses(q, new_state(THREATS, 2 * THREATS))
+    assert not decided_by_poses(q._replace(whole_path=True), state)
+    assert not decided_by_poses(q._replace(hosts_of_rig=np.array([3, 2])), state)
