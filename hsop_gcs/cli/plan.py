@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hsop_gcs.cli.output_file import require_directory, write
+from hsop_gcs.cli.plots import new_figure, save
 from hsop_gcs.errors import BadInput
 
 if TYPE_CHECKING:
@@ -258,14 +259,9 @@ def _print_frontier(problem: "Problem", placements: "Mapping[int, Placement]") -
 
 
 def _plot(path: Path, placements: "Mapping[int, Placement]") -> None:
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise BadInput("--plot", "needs matplotlib; install hsop-gcs[plots]") from None
-
     from hsop_gcs.placement.solution import mean_error_m, worst_error_m
 
-    figure = Figure(figsize=(7, 6), layout="constrained")
+    figure = new_figure(7, 6)
     above, below = figure.subplots(2, 1, sharex=True)
     numbers = list(placements)
     above.plot(numbers, [placement.cost for placement in placements.values()], "o-", label="cost")
@@ -280,7 +276,4 @@ def _plot(path: Path, placements: "Mapping[int, Placement]") -> None:
         axes.set_ylim(bottom=0)
         axes.grid(alpha=0.3)
         axes.legend()
-    try:
-        figure.savefig(path, format="png", dpi=150)
-    except OSError as error:
-        raise BadInput("--plot", f"{path} cannot be written: {error.strerror or error}") from None
+    save(figure, path)

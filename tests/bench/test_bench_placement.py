@@ -39,6 +39,6 @@ def test_the_uncut_letters_method_is_a_run_of_its_own() -> None:
 
 
 def test_the_exponent_is_the_slope_of_the_logarithms() -> None:
-    growth = [Growth(threats=n, n_hosts=n, seconds=0.01 * n**2, missed=0) for n in (2, 5, 10)]
-    growth.append(Growth(threats=20, n_hosts=20, seconds=math.inf, missed=3))
+    growth = [Growth(threats=n, n_hosts=n, seconds=0.01 * n**2, each_s=(0.01 * n**2,), missed=0) for n in (2, 5, 10)]
+    growth.append(Growth(threats=20, n_hosts=20, seconds=math.inf, each_s=(), missed=3))
     assert exponent_of(growth) == pytest.approx(2.0)
