@@ -137,20 +137,26 @@ def _angles_at(series: Series, time_s: float) -> tuple[Vector3, float]:
     """Return the angles, interpolated the short way around, and the standard deviation of each, all degrees.
 
     Between samples an angle may have gone over at any moment: then it has mean ``share`` of the way and variance
-    share (1 - share) times its square. Outside, it may have moved on as much as between the last two. While it turns,
-    a sample is as wrong as it is wrongly dated. It turns as fast as in the fastest of this interval and those beside
-    it: a gimbal that turns back between two samples looks at rest there.
+    share (1 - share) times its square. Outside, it may have moved on as much as in the fastest of the last intervals.
+    While it turns, a sample is as wrong as it is wrongly dated. A gimbal that turns back between two samples looks at
+    rest there: it may have gone on as before, and come back as after.
     """
     (began_s, first), (ended_s, second), share = _bracket(series, time_s)
     steps = _steps(first, second)
     inside = min(max(share, 0.0), 1.0)
-    variance = inside * (1 - inside) + min(abs(share - inside), 1.0)
-    variance += (_DATED_S / max(ended_s - began_s, _SAME_SAMPLE_S)) ** 2
     x, y, z = (a + inside * step for a, step in zip(first, steps, strict=True))
     place = bisect_right(series, began_s, key=_time)
-    nearby = series[max(place - 2, 0) : place + 2]
-    fastest_deg = max((math.hypot(*_steps(one, other)) for (_, one), (_, other) in pairwise(nearby)), default=0.0)
-    return (x, y, z), math.sqrt(variance) * fastest_deg
+    nearby = [_steps(one, other) for (_, one), (_, other) in pairwise(series[max(place - 2, 0) : place + 2])]
+    turned_deg = [math.hypot(*each) for each in nearby]
+    fastest_deg = max(turned_deg, default=0.0)
+    own_deg = math.hypot(*steps)
+    turns_back = len(nearby) == 3 and sum(a * b for a, b in zip(nearby[0], nearby[2], strict=True)) < 0
+    between_deg = max(own_deg, min(turned_deg[0], turned_deg[2])) if turns_back else own_deg
+    variance = inside * (1 - inside) * between_deg**2
+    variance += (
+        min(abs(share - inside), 1.0) + (_DATED_S / max(ended_s - began_s, _SAME_SAMPLE_S)) ** 2
+    ) * fastest_deg**2
+    return (x, y, z), math.sqrt(variance)
 
 
 def _steps(one: Vector3, other: Vector3) -> list[float]:

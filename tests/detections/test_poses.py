@@ -93,6 +93,12 @@ def test_while_a_gimbal_rests_nothing_is_left_open() -> None:
     assert moved.at(10.05, LIMIT_S).aim_sigma_rad > math.radians(1.0)
 
 
+def test_a_gimbal_that_rests_between_two_steps_leaves_only_open_when_it_took_them() -> None:
+    samples = tuple((10.0 + 0.2 * number, 0.0, 0.0) for number in range(4))
+    pose = history(*samples, pans_deg=(0.0, 1.0, 1.0, 2.0)).at(10.3, LIMIT_S)
+    assert math.degrees(pose.aim_sigma_rad) == pytest.approx(0.02 / 0.2, abs=1e-9 * DEGREE)
+
+
 def test_a_gimbal_that_turns_back_between_two_samples_is_not_at_rest_there() -> None:
     samples = tuple((10.0 + 0.05 * number, 0.0, 0.0) for number in range(4))
     pose = history(*samples, pans_deg=(0.0, 3.6, 3.6, 0.0)).at(10.075, LIMIT_S)

@@ -25,6 +25,7 @@ from hsop_gcs.mission.solver import Solver
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.reports import Report, Site
 from hsop_gcs.simulator.battery import BatteryConfig
+from hsop_gcs.simulator.disturbances import GpsError
 from hsop_gcs.simulator.eyes import Viewer, look
 from hsop_gcs.simulator.faults import Fault
 from hsop_gcs.simulator.fleet import Autopilot, FleetConfig, SimulatedFleet, grid
@@ -57,6 +58,7 @@ class Flight:
     camera_period_s: float = 0.2
     faults: tuple[Fault, ...] = ()
     battery: BatteryConfig = field(default_factory=BatteryConfig)
+    gps: GpsError = field(default_factory=GpsError)
     latency_s: float = 0.1
     """From an exposure to the service."""
     solve_s: float = 0.5
@@ -129,6 +131,7 @@ async def _fly(
             seed=flight.seed,
             faults=flight.faults,
             battery=flight.battery,
+            gps=flight.gps,
         ),
         clock=loop.time,
     )
