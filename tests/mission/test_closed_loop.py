@@ -19,7 +19,7 @@ TRUTH = straight(
 
 def test_a_mission_on_station_knows_its_threats_to_half_a_metre() -> None:
     score = Score(threats=2)
-    flight = Flight(truth=TRUTH, hosts=4, duration_s=55.0, seed=3, rules=Rules(autonomy=Autonomy.AUTO))
+    flight = Flight(truth=TRUTH, hosts=4, duration_s=75.0, seed=3, rules=Rules(autonomy=Autonomy.AUTO))
     fly(flight, score.watch, decide_in_rounds(1))
     assert sorted(score.first_s) == ["t1", "t2"], "all were on station"
     assert len(score.errors_m["central"]) > 5 / PERIOD_S
