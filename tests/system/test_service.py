@@ -24,8 +24,14 @@ def proposed(client: httpx2.Client) -> Json:
     return wait_until(lambda: plans(client)["proposed"])
 
 
-def hosts_ready(client: httpx2.Client, count: int) -> None:
-    wait_until(lambda: client.get("/api/v1/health").json()["hosts_available"] == count)
+def all_ready(client: httpx2.Client, count: int) -> None:
+    """Wait until so many hosts can be sent, and for the planner: a threat that is reported once leaves after 10 s."""
+
+    def ready() -> bool:
+        health = client.get("/api/v1/health").json()
+        return bool(health["hosts_available"] == count and health["planning"]["ready"])
+
+    wait_until(ready, limit_s=120)  # compiling the kernels takes a minute
 
 
 def keep_reporting(client: httpx2.Client, *threats: Json) -> Callable[[], None]:
@@ -39,7 +45,7 @@ STILL: Json = {"velocity": {"east_mps": 0.0, "north_mps": 0.0}}
 def test_a_plan_waits_for_approval_flies_when_approved_and_ends_with_its_threat() -> None:
     port = free_udp_port()
     with service(settings(2, port)) as client, simulated_fleet(port, 2):
-        hosts_ready(client, 2)
+        all_ready(client, 2)
         post(client, report("t1", **STILL))
         plan = proposed(client)
         assert plan["trigger"] == "threat t1 appeared"
@@ -65,7 +71,7 @@ def test_a_plan_waits_for_approval_flies_when_approved_and_ends_with_its_threat(
 def test_in_auto_a_plan_flies_at_once_is_kept_while_it_holds_and_replaced_when_it_does_not() -> None:
     port = free_udp_port()
     with service(settings(2, port, autonomy="auto", horizon_s=2.0)) as client, simulated_fleet(port, 2):
-        hosts_ready(client, 2)
+        all_ready(client, 2)
         still = keep_reporting(client, report("t1", **STILL))
         still()
         first = wait_until(lambda: plans(client)["flying"])
@@ -105,7 +111,7 @@ def test_in_auto_a_plan_flies_at_once_is_kept_while_it_holds_and_replaced_when_i
 def test_a_dismissed_threat_is_gone_with_its_plan_and_stays_away() -> None:
     port = free_udp_port()
     with service(settings(2, port)) as client, simulated_fleet(port, 2):
-        hosts_ready(client, 2)
+        all_ready(client, 2)
         post(client, report("t1", **STILL))
         proposed(client)
         assert client.delete("/api/v1/threats/t1").status_code == 204
@@ -119,7 +125,7 @@ def test_a_dismissed_threat_is_gone_with_its_plan_and_stays_away() -> None:
 def test_a_service_that_advises_flies_nothing() -> None:
     port = free_udp_port()
     with service(settings(2, port, autonomy="advise")) as client, simulated_fleet(port, 2):
-        hosts_ready(client, 2)
+        all_ready(client, 2)
         post(client, report("t1", **STILL))
         answer = client.post("/api/v1/plan/approve", json={"plan_id": proposed(client)["id"]})
         assert answer.status_code == 409
@@ -130,7 +136,7 @@ def test_a_service_that_advises_flies_nothing() -> None:
 def test_a_threat_no_plan_can_cover_is_said_so_and_the_service_goes_on() -> None:
     port = free_udp_port()
     with service(settings(2, port)) as client, simulated_fleet(port, 2):
-        hosts_ready(client, 2)
+        all_ready(client, 2)
         post(client, report("fast", velocity={"east_mps": 90.0, "north_mps": 0.0}))
         failed = wait_until(lambda: plans(client)["failed"])
         assert failed["placement"]["status"] == "infeasible"
@@ -147,7 +153,7 @@ def test_a_threat_no_plan_can_cover_is_said_so_and_the_service_goes_on() -> None
 def test_a_host_that_cannot_be_reached_is_left_out_and_shown() -> None:
     port = free_udp_port()
     with service(settings(3, port, hosts="all")) as client, simulated_fleet(port, 2):
-        hosts_ready(client, 2)
+        all_ready(client, 2)
         post(client, report("t1", **STILL))
         assert {order["host"] for order in proposed(client)["orders"]} == {"h1", "h2"}
         lost = client.get("/api/v1/hosts").json()[2]
@@ -159,7 +165,7 @@ def test_a_host_that_cannot_be_reached_is_left_out_and_shown() -> None:
 def test_a_new_plan_is_proposed_when_a_threat(departure: str) -> None:
     port = free_udp_port()
     with service(settings(4, port)) as client, simulated_fleet(port, 4):
-        hosts_ready(client, 4)
+        all_ready(client, 4)
         post(client, report("t1", **STILL))
         first = proposed(client)
         if departure == "appears":
