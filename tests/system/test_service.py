@@ -175,5 +175,5 @@ def test_a_new_plan_is_proposed_when_a_threat(departure: str) -> None:
         else:
             post(client, report("t1", position=position(lat_deg=47.39885), **STILL))
             reason = "from its prediction"
-        newer = wait_until(lambda: each if (each := plans(client)["proposed"])["id"] != first["id"] else None)
+        newer = wait_until(lambda: each if (each := plans(client)["proposed"]) and each["id"] != first["id"] else None)
         assert reason in newer["trigger"]
