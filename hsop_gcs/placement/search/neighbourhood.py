@@ -17,7 +17,7 @@ from hsop_gcs.placement.search.model import Ints, Question, edge_energy
 from hsop_gcs.placement.search.moves import jump, keep_clear
 from hsop_gcs.placement.search.parts import Part, groups, put_together, question_about
 from hsop_gcs.placement.search.polish import polish
-from hsop_gcs.placement.search.poses import anneal_poses, decided_by_poses
+from hsop_gcs.placement.search.poses import anneal_poses, decided_by_poses, sight_of
 from hsop_gcs.placement.search.state import State, copied, copy_state, new_state, refresh, set_view, totals
 
 POLISH_STEPS = 80
@@ -108,7 +108,7 @@ def fresh(q: Question, s: State, trial: State, moves: int, reach_m: float, chanc
         return
     if decided_by_poses(q, s):
         scatter(q, s, chance)
-        anneal_poses(q, s, moves, HOT, COLD, reach_m, STIFFNESS, STIFFEST, chance)
+        anneal_poses(q, sight_of(q), s, moves, HOT, COLD, reach_m, STIFFNESS, STIFFEST, chance)
     else:
         scatter(q, trial, chance)
         anneal(q, trial, s, hosts, threats, moves, HOT, COLD, reach_m, STIFFNESS, chance)

@@ -7,6 +7,7 @@ which hosts do not stand in each other's way.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,6 +34,8 @@ VIEW = 8
 """What is kept of a view: two factors, two directions, the violation, and the camera."""
 STRICTER = 1e-4
 """Every rule is kept with so much to spare: an anneal ends with violations a little below."""
+SIZES = 512
+"""Steps of a table of relative sizes: an error far below ``STRICTER``."""
 A_LITTLE = 0.02
 """A central camera is used up to this violation; beyond, the fisheyes."""
 
@@ -43,48 +46,73 @@ def decided_by_poses(q: Question, s: State) -> bool:
     return bool(q.plane and alike and not q.whole_path and len(s.degree) < 2 * len(s.pairs))
 
 
-@lean_kernel
-def unit(q: Question, s: State, host: int, threat: int, k: int) -> tuple[float, float]:
-    """Return the direction from a host to a point of a threat."""
-    x, y = q.points_m[threat, k, 0] - s.positions[host, 0], q.points_m[threat, k, 1] - s.positions[host, 1]
-    d = math.sqrt(x * x + y * y) + 1e-12
-    return x / d, y / d
+class Sight(NamedTuple):
+    """What every look of one anneal takes from the question, computed once."""
+
+    sizes: Floats
+    """Relative sizes in a fisheye, by the cosine to its axis, from 0 to 1 in steps of 1 / SIZES."""
+    nearness: Floats
+    """(lenses, threats): one over the range."""
+    inside: float
+    """The cosine of half the field of view."""
+    per_across: float
+    """One over its sine."""
+    per_safety: float
+
+
+def sight_of(q: Question) -> Sight:
+    """Return it for a question whose hosts are all alike."""
+    half = 0.5 * q.fov_rad[0] - STRICTER
+    sizes = np.empty(SIZES + 2)
+    fill_sizes(q, sizes)
+    return Sight(sizes, 1 / q.range_m, math.cos(half), 1 / math.sin(half), 1 / q.safety_m)
 
 
 @lean_kernel
-def middle_of_aims(q: Question, s: State, aims: Ints, host: int) -> tuple[float, float]:
+def fill_sizes(q: Question, sizes: Floats) -> None:
+    """Tabulate the relative size."""
+    for n in range(SIZES + 2):
+        sizes[n] = relative_size(min(1.0, n / SIZES), q.distortion, 0)
+
+
+@lean_kernel
+def middle_of_aims(aims: Ints, host: int, views: Floats) -> tuple[float, float]:
     """Return the middle between those directions to what a host aims at that are farthest apart."""
     x = y = 0.0
     least = 2.0
     for a in range(2 if aims[host, 0] == aims[host, 1] else 4):
-        ex, ey = unit(q, s, host, aims[host, a // 2], a % 2)
+        one = views[aims[host, a // 2]]
+        ex, ey = one[2 + 2 * (a % 2)], one[3 + 2 * (a % 2)]
         for b in range(a):
-            gx, gy = unit(q, s, host, aims[host, b // 2], b % 2)
+            other = views[aims[host, b // 2]]
+            gx, gy = other[2 + 2 * (b % 2)], other[3 + 2 * (b % 2)]
             if ex * gx + ey * gy < least:
                 least, x, y = ex * gx + ey * gy, ex + gx, ey + gy
-    d = math.sqrt(x * x + y * y) + 1e-12
-    return x / d, y / d
+    per = 1 / (math.sqrt(x * x + y * y) + 1e-12)
+    return x * per, y * per
 
 
 @lean_kernel
-def look(q: Question, s: State, aims: Ints, host: int, views: Floats) -> None:
+def look(q: Question, sight: Sight, s: State, aims: Ints, host: int, views: Floats) -> None:
     """Fill (threats, VIEW) with what a host sees as it stands."""
     x, y = s.positions[host, 0], s.positions[host, 1]
     ax, ay = s.axes[host, 0], s.axes[host, 1]
-    px, py = middle_of_aims(q, s, aims, host)
-    half = 0.5 * q.fov_rad[0] - STRICTER
-    inside, across = math.cos(half), math.sin(half)
+    for threat in range(q.weight.shape[0]):
+        view = views[threat]
+        for k in range(2):
+            ex, ey = q.points_m[threat, k, 0] - x, q.points_m[threat, k, 1] - y
+            d = math.sqrt(ex * ex + ey * ey) + 1e-12
+            view[k], view[2 + 2 * k], view[3 + 2 * k] = d, ex / d, ey / d
+    px, py = middle_of_aims(aims, host, views)
     for threat in range(q.weight.shape[0]):
         view = views[threat]
         violation = beyond = 0.0
         for k in range(2):
-            ex, ey = q.points_m[threat, k, 0] - x, q.points_m[threat, k, 1] - y
-            d = math.sqrt(ex * ex + ey * ey) + 1e-12
-            ex, ey = ex / d, ey / d
-            view[k], view[2 + 2 * k], view[3 + 2 * k] = d, ex, ey
-            beyond += max(0.0, d / q.range_m[CENTRAL, threat] - 1 + STRICTER)
-            beyond += max(0.0, (inside - ex * px - ey * py) / across)
-            violation += max(0.0, 1 + STRICTER - d / q.safety_m)
+            violation += max(0.0, 1 + STRICTER - view[k] * sight.per_safety)
+            beyond += max(0.0, view[k] * sight.nearness[CENTRAL, threat] - 1 + STRICTER)
+        if beyond < A_LITTLE:
+            for k in range(2):
+                beyond += max(0.0, (sight.inside - view[2 + 2 * k] * px - view[3 + 2 * k] * py) * sight.per_across)
         view[7] = CENTRAL if beyond < A_LITTLE else PERIPHERAL
         if beyond < A_LITTLE:
             violation += beyond
@@ -95,9 +123,11 @@ def look(q: Question, s: State, aims: Ints, host: int, views: Floats) -> None:
             else:
                 view[k] = distance_factor(q, PERIPHERAL, threat, d)
                 size = abs(view[2 + 2 * k] * ax + view[3 + 2 * k] * ay)
-                if d < q.range_m[PERIPHERAL, threat]:
-                    size = relative_size(size, q.distortion, 0)
-                violation += max(0.0, d / q.range_m[PERIPHERAL, threat] - size + STRICTER)
+                away = d * sight.nearness[PERIPHERAL, threat]
+                if away < 1:
+                    at = int(size * SIZES)
+                    size = sight.sizes[at] + (size * SIZES - at) * (sight.sizes[at + 1] - sight.sizes[at])
+                violation += max(0.0, away - size + STRICTER)
                 if not q.rms:
                     view[k] /= max(size, SMALLEST_RELATIVE_SIZE)
         view[6] = violation
@@ -199,6 +229,7 @@ def turn(q: Question, s: State, host: int, threat: int, share: float) -> None:
 @kernel
 def anneal_poses(
     q: Question,
+    sight: Sight,
     s: State,
     moves: int,
     hot: float,
@@ -230,7 +261,7 @@ def anneal_poses(
             aims[host, 0] = s.incident[host, 0] // 2 if s.degree[host] > 0 else 0
         if aimed < 2:
             aims[host, 1] = aims[host, 0]
-        look(q, s, aims, host, views[host])
+        look(q, sight, s, aims, host, views[host])
     chunk = 50 + 10 * count
     chunks = max(2, moves // chunk)
     penalty = soft
@@ -253,7 +284,7 @@ def anneal_poses(
             east, north = s.axes[host, 0], s.axes[host, 1]
             first, second = aims[host, 0], aims[host, 1]
             propose(q, s, aims, pairs, host, reach, chance)
-            look(q, s, aims, host, seen)
+            look(q, sight, s, aims, host, seen)
             more = 0.0
             for threat in range(threats):
                 i, j = pairs[threat, 0], pairs[threat, 1]

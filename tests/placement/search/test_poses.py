@@ -9,7 +9,7 @@ from hsop_gcs.placement.problem import Formulation, Problem
 from hsop_gcs.placement.search.anneal import scatter
 from hsop_gcs.placement.search.chance import seeded
 from hsop_gcs.placement.search.model import PERIPHERAL, Question, edge_energy
-from hsop_gcs.placement.search.poses import anneal_poses, decided_by_poses
+from hsop_gcs.placement.search.poses import anneal_poses, decided_by_poses, sight_of
 from hsop_gcs.placement.search.question import frame_of, question_of
 from hsop_gcs.placement.search.state import State, copied, new_state, refresh, totals
 from tests.placement.examples import random_threats
@@ -23,7 +23,7 @@ def annealed(seed: int = 1) -> tuple[Question, State]:
     state = new_state(THREATS, HOSTS)
     chance = seeded(seed)
     scatter(q, state, chance)
-    anneal_poses(q, state, 20_000, 0.5, 1e-3, 25.0, 15.0, 1_500.0, chance)
+    anneal_poses(q, sight_of(q), state, 20_000, 0.5, 1e-3, 25.0, 15.0, 1_500.0, chance)
     return q, state
 
 
