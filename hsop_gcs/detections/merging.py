@@ -53,7 +53,7 @@ def merged(picture: Picture, time_s: float, rules: DetectionRules, track_rules: 
             reports=named.reports + known.reports,
             first_seen_s=min(named.first_seen_s, known.first_seen_s),
         )
-    return picture if len(after) == len(picture.tracks) else replace(picture, tracks=MappingProxyType(after))
+    return picture if len(after) == len(picture.tracks) else picture._replace(tracks=MappingProxyType(after))
 
 
 def _is_seen(track: Track, since_s: float) -> bool:

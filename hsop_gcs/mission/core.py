@@ -196,7 +196,7 @@ def take_rays(mission: MissionState, given: RaysArrived) -> tuple[MissionState, 
     """Return the mission with what cameras saw in its picture, and a verdict on each detection."""
     known, unwanted = mission.picture.tracks, mission.unwanted
     after = assimilate(
-        replace(mission.picture, tracks=MappingProxyType({**known, **unwanted})) if unwanted else mission.picture,
+        mission.picture._replace(tracks=MappingProxyType({**known, **unwanted})) if unwanted else mission.picture,
         mission.watch,
         given.rays,
         given.time_s,
@@ -210,7 +210,7 @@ def take_rays(mission: MissionState, given: RaysArrived) -> tuple[MissionState, 
         tracks, rules = picture.tracks, mission.rules.tracks
         seen = {name: tracks[name] for name in unwanted if not has_left(tracks[name], given.time_s, rules)}
         wanted = {name: track for name, track in tracks.items() if name not in unwanted}
-        picture, unwanted = replace(picture, tracks=MappingProxyType(wanted)), MappingProxyType(seen)
+        picture, unwanted = picture._replace(tracks=MappingProxyType(wanted)), MappingProxyType(seen)
     return replace(mission, picture=picture, unwanted=unwanted, watch=after.watch), after.verdicts
 
 

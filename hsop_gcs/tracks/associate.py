@@ -38,15 +38,15 @@ def associate(
     table: Table,
     scan: Sequence[Measurement],
     rows: FloatArray,
+    hinted: Mapping[int, int],
     suspects: Mapping[int, Refusal],
     rules: TrackRules,
 ) -> Association:
     """Give each measurement of a scan to at most one track, and each track at most one measurement.
 
-    ``rows``: of the scan. ``suspects``: measurements that are refused unless they bear a known threat's id and lie in
-    its gate.
+    ``rows``: of the scan. ``hinted``: see ``hints``. ``suspects``: measurements that are refused unless they bear a
+    known threat's id and lie in its gate.
     """
-    hinted = _hints(table, scan)
     found = Association(refusals={index: refusal for index, refusal in suspects.items() if index not in hinted})
     if hinted:
         _follow_hints(table, scan, rows, hinted, suspects, rules, found)
@@ -109,16 +109,15 @@ def _distances(
     return found
 
 
-def _hints(table: Table, scan: Sequence[Measurement]) -> dict[int, int]:
+def hints(table: Table, scan: Sequence[Measurement]) -> dict[int, int]:
     """Return the row of the track that each measurement's id stands for, by index; a track at most once."""
     found: dict[int, int] = {}
     taken: set[int] = set()
     for index, each in enumerate(scan):
-        if each.track_id in table.rows:
-            row: int | None = table.rows[each.track_id]
-        elif each.threat_id is None:
+        if each.threat_id is None and each.track_id is None:
             continue
-        else:
+        row = None if each.track_id is None else table.rows.get(each.track_id)
+        if row is None and each.threat_id is not None:
             row = _bound_to(table, (each.source, each.threat_id))
         if row is not None and row not in taken:
             found[index] = row

@@ -27,9 +27,14 @@ def gate(measurement: Measurement, rules: TrackRules) -> float:
     return gate_of(dimension(measurement), rules)
 
 
-def impossible(measurement: Measurement, rules: TrackRules) -> float:
+def impossible_of(dimensions: int, rules: TrackRules) -> float:
     """Return the squared distance from which on a measurement is of another threat, whatever id it bears."""
-    return threshold(dimension(measurement), rules.impossible_probability)
+    return threshold(dimensions, rules.impossible_probability)
+
+
+def impossible(measurement: Measurement, rules: TrackRules) -> float:
+    """Return the limit of a measurement."""
+    return impossible_of(dimension(measurement), rules)
 
 
 def predicted(states: Sequence[State], times_s: Sequence[float], rules: TrackRules) -> tuple[FloatArray, FloatArray]:

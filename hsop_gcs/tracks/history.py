@@ -15,6 +15,7 @@ from hsop_gcs.tracks import kernels, track_kernels
 from hsop_gcs.tracks.filter import FloatArray, State, update
 from hsop_gcs.tracks.gate import gate, predicted
 from hsop_gcs.tracks.kernels import IntArray
+from hsop_gcs.tracks.measured import numbers_of
 from hsop_gcs.tracks.rules import TrackRules
 
 
@@ -58,17 +59,11 @@ class Log:
         """Return what was believed after a step."""
         return State(self.steps.times_s.item(at), self.steps.means[at], self.steps.covariances[at])
 
-    def begin(self, reports: Sequence[Measurement], rows: FloatArray, rules: TrackRules) -> IntArray:
-        """Add the first steps of tracks; return where they are."""
-        start = self.make_room(len(reports))
-        kernels.begin(*self.steps, rows, start, rules.first_velocity_sigma_mps, rules.first_climb_sigma_mps)
-        self.measurements += reports
-        return np.arange(start, len(self.measurements))
-
     def follow(
         self, newest: IntArray, measurements: Sequence[Measurement], rows: FloatArray, rules: TrackRules
     ) -> IntArray:
-        """Return the newest steps of n tracks after a measurement of each, all later ones replayed.
+        """Return the newest steps of n tracks, -1 for one that begins, after a measurement of each, all later ones
+        replayed.
 
         Of measurements with the same time, the one that arrived first comes first.
         """
@@ -84,10 +79,7 @@ class Log:
                 step = self.steps.before.item(step)
             at.append(step)
             later.append(since)
-        told = [index for index, step in enumerate(at) if step >= 0]
-        after = self._advance([at[each] for each in told], [measurements[each] for each in told], rows[told], rules)
-        for index, measurement in enumerate(measurements):
-            at[index] = after.pop(0) if at[index] >= 0 else self.begin([measurement], rows[[index]], rules).item()
+        at = self._advance(at, measurements, rows, rules)
         while due := [index for index, since in enumerate(later) if since]:
             again = [later[index].pop() for index in due]
             replayed = [self.measurements[step] for step in again]
@@ -129,9 +121,9 @@ class Log:
         return len(self.measurements)
 
     def _correct(self, at: IntArray, measurements: Sequence[Measurement], rows: FloatArray, rules: TrackRules) -> bool:
-        """Add what follows steps by reports that are not older, all or none."""
+        """Add what follows steps, -1 where a track begins, by reports that are not older, all or none."""
         end = self.make_room(len(at))
-        done = kernels.correct(*self.steps, at, rows, end, rules.acceleration_psd_m2ps3)
+        done = kernels.correct(*self.steps, at, rows, end, numbers_of(rules))
         if done:
             self.measurements += measurements
         return done

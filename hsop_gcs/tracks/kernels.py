@@ -17,14 +17,18 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 Kernel = TypeVar("Kernel", bound=Callable[..., object])
 
-TIME, DIMENSIONS, GATE, MEASURED, SIGMA, VELOCITY_SIGMA, VARIANCE, VELOCITY_VARIANCE = 0, 1, 2, 3, 9, 10, 11, 12
+TIME, DIMENSIONS, GATE, SIGMA, VARIANCE, MEASURED, VELOCITY_SIGMA, VELOCITY_VARIANCE = 0, 1, 2, 3, 4, 5, 11, 12
 """Where a measurement's row has its time; how many numbers count: 3 (position), 6 (velocity too) or 0 (a bearing); its
-gate; position then velocity; their standard deviations, of the position 0 if its covariance is given; their squares."""
-SIZE, NAMED, CONFIRMS, COVARIANCE, ROW = 13, 14, 15, 16, 25
-"""And the threat's size or 0; whether it bears a name; whether it confirms a track at once; the position's covariance,
-row by row, if it is given; and how long a row is."""
+gate; the position's standard deviation, 0 if its covariance is given, and its square; position then velocity; the
+velocity's standard deviation and its square."""
+SIZE, NAMED, CONFIRMS, HINT, COVARIANCE, ROW = 13, 14, 15, 16, 17, 26
+"""And the threat's size or 0; whether it bears a name; whether it confirms a track at once; one more than the row of
+the track that its name stands for, or 0; the position's covariance, row by row, if given; and how long a row is."""
 NEWEST, STATUS, VELOCITY_KNOWN, SIZE_M, REPORTS, FIRST_SEEN, FACTS = 0, 1, 2, 3, 4, 5, 6
 """Where a track's facts have its newest step, its status and what ``Track`` says of it; and how many they are."""
+PSD, SCAN, COASTS_AFTER, TIMEOUT, TENTATIVE_TIMEOUT, KNOWN_VARIANCE, HITS, SLOTS, SLOT = range(9)
+FIRST_VELOCITY, FIRST_CLIMB, FIRST_SIZE, POSITION_LIMIT, VELOCITY_LIMIT, NEAR_HOST, RULES = range(9, 16)
+"""Where ``measured.numbers_of`` puts what the kernels need of the rules; and how many they are."""
 TENTATIVE, CONFIRMED, COASTING, GONE = 0, 1, 2, 3
 FORBIDDEN = 1e9
 """Cost of a pair outside its gate; above any sum of the others."""
@@ -112,37 +116,23 @@ def copy(row: FloatArray, to: FloatArray) -> None:
 
 
 @kernel
-def begin(
-    times_s: FloatArray,
-    means: FloatArray,
-    covariances: FloatArray,
-    rows: FloatArray,
-    before: IntArray,
-    seen: FloatArray,
-    end: int,
-    first_velocity_sigma_mps: float,
-    first_climb_sigma_mps: float,
-) -> None:
-    """Add, from step ``end`` on, the first ones of tracks: what one report alone says.
+def _begin(row: FloatArray, rules: FloatArray, mean: FloatArray, covariance: FloatArray) -> None:
+    """Fill mean and covariance with what one report alone says.
 
     A velocity it does not give is zero, give or take how fast threats fly.
     """
-    for n in range(len(seen)):
-        row, new = seen[n], end + n
-        times_s[new], before[new] = row[TIME], -1
-        copy(row, rows[new])
-        for i in range(6):
-            means[new, i] = row[MEASURED + i]
-            for j in range(6):
-                covariances[new, i, j] = 0.0
-        _spread(row, covariances[new])
-        for i in range(3):
-            sigma_mps = first_climb_sigma_mps if i == 2 else first_velocity_sigma_mps
-            if row[DIMENSIONS] == 6:
-                sigma_mps = row[VELOCITY_SIGMA]
-            covariances[new, i + 3, i + 3] = sigma_mps * sigma_mps
-            if row[SIGMA]:
-                covariances[new, i, i] = row[SIGMA] * row[SIGMA]
+    for i in range(6):
+        mean[i] = row[MEASURED + i]
+        for j in range(6):
+            covariance[i, j] = 0.0
+    _spread(row, covariance)
+    for i in range(3):
+        sigma_mps = rules[FIRST_CLIMB] if i == 2 else rules[FIRST_VELOCITY]
+        if row[DIMENSIONS] == 6:
+            sigma_mps = row[VELOCITY_SIGMA]
+        covariance[i + 3, i + 3] = sigma_mps * sigma_mps
+        if row[SIGMA]:
+            covariance[i, i] = row[SIGMA] * row[SIGMA]
 
 
 @kernel
@@ -155,23 +145,28 @@ def correct(
     at: IntArray,
     seen: FloatArray,
     end: int,
-    psd: float,
+    rules: FloatArray,
 ) -> bool:
     """Add, from step ``end`` on, those that follow steps ``at`` (n,) by the measurements ``seen`` (n, ROW).
 
-    False, and nothing is done, if one of them is a bearing or older than its step. Joseph form. As in
-    ``filter.correct``, covariances are doubled until the measurement lies in the gate.
+    After -1 a track begins. False, and nothing is done, if one of them is a bearing or older than its step. Joseph
+    form. As in ``filter.correct``, covariances are doubled until the measurement lies in the gate.
     """
     for n in range(len(at)):
-        if seen[n, DIMENSIONS] == 0 or seen[n, TIME] < times_s[at[n]]:
+        if seen[n, DIMENSIONS] == 0 or (at[n] >= 0 and seen[n, TIME] < times_s[at[n]]):
             return False
     m, p, root, white = np.empty(6), np.empty((6, 6)), np.zeros((6, 6)), np.empty(6)
     gain, kept, half, noise = np.empty((6, 6)), np.empty((6, 6)), np.empty((6, 6)), np.zeros((6, 6))
     for n in range(len(at)):
         row, new = seen[n], end + n
+        times_s[new], before[new] = row[TIME], at[n]
+        copy(row, rows[new])
+        if at[n] < 0:
+            _begin(row, rules, means[new], covariances[new])
+            continue
         d = int(row[DIMENSIONS])
         _spread(row, noise)
-        _predict(means[at[n]], covariances[at[n]], row[TIME] - times_s[at[n]], psd, len(m), m, p)
+        _predict(means[at[n]], covariances[at[n]], row[TIME] - times_s[at[n]], rules[PSD], len(m), m, p)
         scale = 1.0
         _factor(p, noise, d, scale, root)
         while _squared(m, row, d, root, white) > row[GATE]:
@@ -217,8 +212,6 @@ def correct(
                         total += gain[i, a] * noise[a, b] * gain[j, b]
                 covariances[new, i, j] = total
                 covariances[new, j, i] = total
-        times_s[new], before[new] = row[TIME], at[n]
-        copy(row, rows[new])
     return True
 
 

@@ -8,32 +8,25 @@ tentative ───────────────────────�
                   nothing for timeout_s
 """
 
-import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from hsop_gcs.reports import Measurement, Report
+from hsop_gcs.reports import Measurement, ReportRules
 from hsop_gcs.tracks import kernels, track_kernels
 from hsop_gcs.tracks.filter import FloatArray
 from hsop_gcs.tracks.kernels import IntArray
+from hsop_gcs.tracks.measured import numbers_of
 from hsop_gcs.tracks.rules import TrackRules
 from hsop_gcs.tracks.table import Name, Table
 from hsop_gcs.tracks.track import Binding, Track, TrackStatus
 
 
-def begin(
-    table: Table, names: Sequence[str], reports: Sequence[Report], rows: FloatArray, *, now_s: float, rules: TrackRules
-) -> None:
-    """Start tracks from their first reports."""
-    log = table.log
-    newest = log.begin(reports, rows, rules)
-    start = len(table)
-    facts = [(at, kernels.TENTATIVE, False, rules.default_size_m, 0, math.inf) for at in newest.tolist()]
-    table.facts = np.concatenate((table.facts, np.array(facts)))
-    for name, each in zip(names, reports, strict=True):
-        table.add(Name(name, each.source, each.threat_id, ()))
-    _live(table, np.arange(start, len(table)), newest, reports, rows, now_s, rules)
+def unknown(table: Table, count: int, rules: TrackRules) -> None:
+    """Add the facts of tracks that have not been told anything."""
+    table.facts = _with_room(table, count)
+    for facts in table.facts[-count:]:
+        track_kernels.unknown(facts, numbers_of(rules))
 
 
 def tell(
@@ -47,81 +40,104 @@ def tell(
 ) -> int:
     """Tell tracks, by their rows in the table, a measurement each; return how many were out of order."""
     newest = table.log.follow(table.newest[tracks], measurements, rows, rules)
-    return _live(table, tracks, newest, measurements, rows, now_s, rules)
+    table.facts = table.facts.copy()
+    late = track_kernels.live(*table.log.life, table.facts, tracks, newest, rows, now_s, numbers_of(rules))
+    bind(table, tracks.tolist(), measurements)
+    return late
 
 
 def take(
-    table: Table, scan: Sequence[Measurement], rows: FloatArray, *, now_s: float, rules: TrackRules
-) -> dict[int, int] | None:
-    """Tell tracks the reports of a scan, by global nearest neighbour, unless there is more to weigh than distances.
+    table: Table,
+    scan: Sequence[Measurement],
+    rows: FloatArray,
+    hinted: Mapping[int, int],
+    *,
+    hosts_m: FloatArray,
+    clock: ReportRules,
+    now_s: float,
+) -> list[int]:
+    """Tell tracks the reports of a scan, begin those that are of none, unless there is more to weigh than distances.
 
-    Return which row in the table each was told, by its index in the scan; None if nothing was told: see ``associate``.
+    ``rows``: of the scan. ``hinted``: see ``associate.hints``. Return the row of the track of each in the table, where
+    new ones await their names; nothing if nothing was done.
     """
-    log = table.log
+    log, known = table.log, len(table.names)
+    for index, track in hinted.items():
+        rows[index, kernels.HINT] = track + 1
+    facts, tracks = _with_room(table, len(scan)), np.empty(len(scan), np.int64)
     end = log.make_room(len(scan))
-    tracks = track_kernels.take(
+    total = track_kernels.take(
         *log.steps,
-        table.facts,
+        facts,
+        known,
         rows,
+        tracks,
         end,
-        rules.acceleration_psd_m2ps3,
-        rules.scan_s,
-        _life(now_s, rules),
-    ).tolist()
-    if not tracks:
-        return None
-    told = {index: track for index, track in enumerate(tracks) if track >= 0}
-    log.measurements += [scan[index] for index in told]
+        hosts_m,
+        now_s,
+        clock.max_future_s,
+        clock.max_age_s,
+        table.numbers,
+    )
+    if total < 0:
+        return []
+    table.facts = facts[:total]
+    log.measurements += scan
+    told: list[int] = tracks.tolist()
     return told
+
+
+def bind(table: Table, tracks: Sequence[int], measurements: Sequence[Measurement]) -> None:
+    """Let the ids that measurements bear stand for their tracks, by their rows in the table."""
+    names: list[Name] | None = None
+    for row, each in zip(tracks, measurements, strict=True):
+        if each.threat_id is not None:
+            binding, name = Binding(each.source, each.threat_id), table.names[row]
+            if binding not in name.sources:
+                names = names or list(table.names)
+                names[row] = name._replace(sources=(*name.sources, binding))
+    if names is not None:
+        table.names = tuple(names)
 
 
 def aged(table: Table, now_s: float, rules: TrackRules) -> tuple[Table, dict[str, float]]:
     """Return the table as it stands at ``now_s``, the same one if nothing has changed; and who left it, heard when."""
-    facts, times_s = table.facts.copy(), table.log.steps.times_s
-    if not track_kernels.age(times_s, facts, now_s, rules.coast_after_s, rules.tentative_timeout_s, rules.timeout_s):
+    times_s, statuses = table.log.steps.times_s, np.empty(len(table.names))
+    numbers = table.numbers if rules is table.rules else numbers_of(rules)
+    if not track_kernels.age(times_s, table.facts, now_s, numbers, statuses):
         return table, {}
-    statuses = facts[:, kernels.STATUS].tolist()
-    kept = [row for row, status in enumerate(statuses) if status != kernels.GONE]
-    gone = {
-        table.names[row].id: times_s.item(int(facts.item(row, kernels.NEWEST)))
-        for row, status in enumerate(statuses)
-        if status == kernels.GONE
-    }
+    facts = table.facts.copy()
+    facts[:, kernels.STATUS] = statuses
+    kept, gone = [], {}
+    for row, status in enumerate(statuses.tolist()):
+        if status == kernels.GONE:
+            gone[table.names[row].id] = times_s.item(int(facts.item(row, kernels.NEWEST)))
+        else:
+            kept.append(row)
     return table.only(kept, facts), gone
 
 
 def has_left(track: Track, now_s: float, rules: TrackRules) -> bool:
     """Return whether nothing has come for so long that the track is over."""
     status = kernels.TENTATIVE if track.status is TrackStatus.TENTATIVE else kernels.CONFIRMED
-    return track_kernels.has_left(status, track.time_s, now_s, rules.tentative_timeout_s, rules.timeout_s)
+    return track_kernels.status_at(status, track.time_s, now_s, numbers_of(rules)) == kernels.GONE
 
 
 def release(table: Table, binding: Binding) -> None:
     """Let go of a source's id, whichever track it stands for."""
-    for row, name in enumerate(table.names):
-        if binding in name.sources:
-            table.names[row] = name._replace(sources=tuple(each for each in name.sources if each != binding))
+    table.names = tuple(
+        [
+            name._replace(sources=tuple(each for each in name.sources if each != binding))
+            if binding in name.sources
+            else name
+            for name in table.names
+        ]
+    )
 
 
-def _live(
-    table: Table,
-    tracks: IntArray,
-    newest: IntArray,
-    measurements: Sequence[Measurement],
-    rows: FloatArray,
-    now_s: float,
-    rules: TrackRules,
-) -> int:
-    """Write down what measurements, which led to the ``newest`` steps, mean; return how many were out of order."""
-    late = track_kernels.live(*table.log.life, table.facts, tracks, newest, rows, _life(now_s, rules))
-    for row, each in zip(tracks.tolist(), measurements, strict=True):
-        if each.threat_id is not None:
-            binding, name = Binding(each.source, each.threat_id), table.names[row]
-            if binding not in name.sources:
-                table.names[row] = name._replace(sources=(*name.sources, binding))
-    return late
-
-
-def _life(now_s: float, rules: TrackRules) -> track_kernels.Life:
-    known, hits, slots = rules.velocity_known_sigma_mps**2, float(rules.confirm_hits), float(rules.confirm_slots)
-    return now_s, rules.coast_after_s, known, hits, slots, rules.confirm_slot_s
+def _with_room(table: Table, count: int) -> FloatArray:
+    """The table's facts, with room for those of more tracks."""
+    known = len(table.facts)
+    facts = np.empty((known + count, kernels.FACTS))
+    facts[:known] = table.facts
+    return facts

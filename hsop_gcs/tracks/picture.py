@@ -1,34 +1,34 @@
 """The picture: all tracks at one moment, and how reports and time change it."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Container, Mapping, Sequence
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
 from hsop_gcs.reports import Measurement, Report, ReportRules, Vector3
-from hsop_gcs.tracks.associate import associate
+from hsop_gcs.tracks.associate import associate, hints
 from hsop_gcs.tracks.filter import FloatArray
-from hsop_gcs.tracks.lifecycle import aged, begin, release, take, tell
+from hsop_gcs.tracks.lifecycle import aged, bind, release, take, tell, unknown
 from hsop_gcs.tracks.measured import rows_of
 from hsop_gcs.tracks.rules import TrackRules
 from hsop_gcs.tracks.screen import on_own_host, refusal_of
 from hsop_gcs.tracks.sources import Refusal, RefusalKind, Tally, Watches
-from hsop_gcs.tracks.table import Table
+from hsop_gcs.tracks.table import Name, Table
 from hsop_gcs.tracks.track import Binding, Track
 
 NO_HOSTS: Mapping[str, Vector3] = MappingProxyType({})
+_NO_PLACES = np.empty((0, 3))
 _CLOCK = ReportRules()
 _NO_SCAN: tuple[list[int], float, set[str | None]] = ([], -math.inf, set())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Picture:
-    """All tracks by id, and what is watched of each source. Frozen: an update is a new picture."""
+class Picture(NamedTuple):
+    """All tracks by id, and what is watched of each source. An update is a new picture."""
 
-    tracks: Mapping[str, Track] = field(default_factory=lambda: MappingProxyType({}))
-    sources: Watches = field(default_factory=lambda: MappingProxyType({}))
+    tracks: Mapping[str, Track] = MappingProxyType({})
+    sources: Watches = MappingProxyType({})
     named: int = 0
     """How many tracks have been given a name of ours (T1, T2, ...)."""
 
@@ -52,66 +52,81 @@ def update(
     they arrived, seconds since the Unix epoch. ``hosts_m``: our own aircraft, ENU metres. ``clock``: how far a
     source's time may be from ours. The same calls in the same order give the same pictures, to the bit.
     """
-    work = _Work(picture, measurements, now_s, rules)
-    work.screen(hosts_m, clock)
-    for scan in _scans(measurements, work.unjudged(), rules):
-        work.take(scan)
-    return work.picture(), tuple(map(work.verdicts.__getitem__, range(len(measurements))))
+    work = _Work(picture, measurements, now_s, rules, hosts_m, clock)
+    everything = range(len(measurements))
+    if not (work.is_simple() and work.take(everything)):
+        work.screen()
+        for scan in _scans(measurements, [index for index in everything if index not in work.verdicts], rules):
+            if not work.take(scan):
+                work.weigh(scan)
+    return work.picture(), tuple([work.verdicts[index] for index in everything])
 
 
 def prune(picture: Picture, now_s: float, rules: TrackRules) -> tuple[Picture, Mapping[str, float]]:
     """Return the picture as it stands at ``now_s``; and of the threats that left it the times of their last reports."""
     before = picture.tracks if isinstance(picture.tracks, Table) else Table.of(picture.tracks, rules)
     after, gone = aged(before, now_s, rules)
-    forgotten = [name for name, watch in picture.sources.items() if now_s - watch.last_heard_s > rules.source_memory_s]
-    if after is before and not forgotten:
+    sources = picture.sources
+    if any([now_s - watch.last_heard_s > rules.source_memory_s for watch in sources.values()]):
+        heard = {name: each for name, each in sources.items() if now_s - each.last_heard_s <= rules.source_memory_s}
+        sources = MappingProxyType(heard)
+    if after is before and sources is picture.sources:
         return picture, gone
-    sources = {name: watch for name, watch in picture.sources.items() if name not in forgotten}
-    tracks = picture.tracks if after is before else after
-    return Picture(tracks=tracks, sources=MappingProxyType(sources), named=picture.named), gone
+    return Picture(picture.tracks if after is before else after, sources, picture.named), gone
 
 
 def dismiss(picture: Picture, track_id: str) -> Picture:
     """Return the picture without a threat. Raises KeyError if there is none of this id."""
     left = dict(picture.tracks)
     del left[track_id]
-    return replace(picture, tracks=MappingProxyType(left))
+    return picture._replace(tracks=MappingProxyType(left))
 
 
 class _Work:
-    """One update in progress."""
+    """One update in progress: a scan at a time, all at once if it is one and nothing can be said against it."""
 
-    def __init__(self, picture: Picture, measurements: Sequence[Measurement], now_s: float, rules: TrackRules) -> None:
+    def __init__(
+        self,
+        picture: Picture,
+        measurements: Sequence[Measurement],
+        now_s: float,
+        rules: TrackRules,
+        hosts_m: Mapping[str, Vector3],
+        clock: ReportRules,
+    ) -> None:
         self.verdicts: dict[int, Verdict] = {}
         self._table = Table.of(picture.tracks, rules)
         self._sources = picture.sources
-        self._tallies: dict[str, Tally] = {}
         self._named = picture.named
         self._measurements = measurements
         self._suspects: dict[int, Refusal] = {}
-        self._now_s = now_s
-        self._rules = rules
+        self._now_s, self._rules = now_s, rules
+        self._hosts_m, self._clock = hosts_m, clock
+        self._places_m = np.array(list(hosts_m.values())) if hosts_m else _NO_PLACES
+        self._tallies: dict[str, Tally] = {}
+        for each in measurements:
+            tally = self._tallies.get(each.source)
+            if tally is None:
+                tally = self._tallies[each.source] = Tally(self._sources.get(each.source), now_s)
+            tally.offsets_s.append(each.time_s - now_s)
 
     def picture(self) -> Picture:
         heard = {source: tally.watch() for source, tally in self._tallies.items()}
-        sources = MappingProxyType({**self._sources, **heard})
-        return Picture(tracks=self._table, sources=sources, named=self._named)
+        return Picture(self._table, MappingProxyType({**self._sources, **heard}), self._named)
 
-    def unjudged(self) -> list[int]:
-        return [index for index in range(len(self._measurements)) if index not in self.verdicts]
+    def is_simple(self) -> bool:
+        """Whether all measurements are of one source, and of different ids."""
+        ids = [each.threat_id for each in self._measurements if each.threat_id is not None]
+        return len(self._tallies) == 1 and len(set(ids)) == len(ids)
 
-    def screen(self, hosts_m: Mapping[str, Vector3], clock: ReportRules) -> None:
-        """Watch the sources' clocks, and refuse what needs no track to be refused."""
+    def screen(self) -> None:
+        """Refuse what needs no track to be refused."""
         # most scans repeat no place, and hashing whole reports takes long
         places = {each.position_m if isinstance(each, Report) else each.direction for each in self._measurements}
         repeated = len(places) < len(self._measurements)
         seen: set[Measurement] = set()
         for index, each in enumerate(self._measurements):
-            tally = self._tallies.get(each.source)
-            if tally is None:
-                tally = self._tallies[each.source] = Tally(self._sources.get(each.source), self._now_s)
-            tally.offsets_s.append(each.time_s - self._now_s)
-            refusal = refusal_of(each, self._now_s, clock)
+            refusal = refusal_of(each, self._now_s, self._clock)
             if repeated:
                 if refusal is None and each in seen:
                     problem = f"{each.source!r} has sent the same report twice"
@@ -119,60 +134,74 @@ class _Work:
                 seen.add(each)
             if refusal is not None:
                 self._refuse(index, refusal)
-            elif hosts_m and (suspicion := on_own_host(each, self._rules, hosts_m)) is not None:
+            elif self._hosts_m and (suspicion := on_own_host(each, self._rules, self._hosts_m)) is not None:
                 self._suspects[index] = suspicion
 
-    def take(self, scan: Sequence[int]) -> None:
-        """Associate one scan, correct the tracks it speaks of and begin the new ones."""
-        measurements = [self._measurements[index] for index in scan]
-        rows = rows_of(measurements, self._rules)
-        refused: Mapping[int, Refusal] = {}
-        told = None if self._suspects else take(self._table, measurements, rows, now_s=self._now_s, rules=self._rules)
-        if told is None:
-            told, refused = self._weigh(scan, measurements, rows)
-        self._tallies[measurements[0].source].accepted += len(told)
-        for position, row in told.items():
-            self.verdicts[scan[position]] = self._table.names[row].id
-        if len(told) + len(refused) < len(scan):
-            self._begin(scan, [each for each in range(len(scan)) if each not in told and each not in refused], rows)
+    def take(self, scan: Sequence[int]) -> bool:
+        """Give the reports of one scan to the tracks nearest to them and begin the new ones.
 
-    def _weigh(
-        self, scan: Sequence[int], measurements: Sequence[Measurement], rows: FloatArray
-    ) -> tuple[dict[int, int], dict[int, Refusal]]:
-        """Associate a scan; return the rows of the tracks that were told, and what was refused."""
+        False, and nothing is done, if they must be screened or weighed.
+        """
+        chosen = [self._measurements[index] for index in scan]
+        rows, hinted = rows_of(chosen, self._rules), hints(self._table, chosen)
+        known = len(self._table.names)
+        tracks = take(self._table, chosen, rows, hinted, hosts_m=self._places_m, clock=self._clock, now_s=self._now_s)
+        if not tracks:
+            return False
+        if len(self._table.facts) > known:
+            self._christen([each for each, row in zip(chosen, tracks, strict=True) if row >= known])
+        bind(self._table, tracks, chosen)
+        self._accept(scan, tracks)
+        return True
+
+    def weigh(self, scan: Sequence[int]) -> None:
+        """Associate one scan, correct the tracks it speaks of and begin the new ones."""
+        chosen = [self._measurements[index] for index in scan]
+        rows = rows_of(chosen, self._rules)
         suspects = {position: self._suspects[index] for position, index in enumerate(scan) if index in self._suspects}
-        found = associate(self._table, measurements, rows, suspects, self._rules)
+        found = associate(self._table, chosen, rows, hints(self._table, chosen), suspects, self._rules)
         for position in found.released:
-            each = measurements[position]
+            each = chosen[position]
             if each.threat_id is not None:
                 release(self._table, Binding(each.source, each.threat_id))
         for position, refusal in found.refusals.items():
             self._refuse(scan[position], refusal)
-        if found.tracks:
-            positions, tracks = list(found.tracks), np.array(list(found.tracks.values()))
-            chosen = [measurements[position] for position in positions]
-            late = tell(self._table, tracks, chosen, rows[positions], now_s=self._now_s, rules=self._rules)
-            self._tallies[measurements[0].source].out_of_order += late
-        return found.tracks, found.refusals
+        known = len(self._table.names)
+        self._tell(scan, list(found.tracks), list(found.tracks.values()), rows)
+        new = [each for each in range(len(scan)) if each not in found.tracks and each not in found.refusals]
+        if new:
+            unknown(self._table, len(new), self._rules)
+            self._christen([chosen[position] for position in new])
+            self._tell(scan, new, range(known, known + len(new)), rows)
 
-    def _begin(self, scan: Sequence[int], new: Sequence[int], rows: FloatArray) -> None:
-        """Begin tracks with the measurements that are of none."""
-        reports: list[Report] = []
-        names: list[str] = []
-        for position in new:
-            report = self._measurements[scan[position]]
-            assert isinstance(report, Report), "an unexplained bearing is refused"
-            reports.append(report)
-            names.append(self._name(report, names))
-            self.verdicts[scan[position]] = names[-1]
-        self._tallies[reports[0].source].accepted += len(new)
-        begin(self._table, names, reports, rows[new], now_s=self._now_s, rules=self._rules)
+    def _tell(self, scan: Sequence[int], positions: Sequence[int], tracks: Sequence[int], rows: FloatArray) -> None:
+        """Tell tracks measurements of a scan by their places in it."""
+        if positions:
+            indices = [scan[position] for position in positions]
+            chosen = [self._measurements[index] for index in indices]
+            late = tell(self._table, np.array(tracks), chosen, rows[positions], now_s=self._now_s, rules=self._rules)
+            self._tallies[chosen[0].source].out_of_order += late
+            self._accept(indices, tracks)
+
+    def _accept(self, indices: Sequence[int], tracks: Sequence[int]) -> None:
+        names = self._table.names
+        self.verdicts.update(zip(indices, [names[row].id for row in tracks], strict=True))
+        self._tallies[self._measurements[indices[0]].source].accepted += len(indices)
+
+    def _christen(self, reports: Sequence[Measurement]) -> None:
+        """Name the newest tracks, whose first reports these are."""
+        names: dict[str, Name] = {}
+        for each in reports:
+            assert isinstance(each, Report), "an unexplained bearing is refused"
+            name = self._name(each, names)
+            names[name] = Name(name, each.source, each.threat_id)
+        self._table.add(list(names.values()))
 
     def _refuse(self, index: int, refusal: Refusal) -> None:
         self.verdicts[index] = refusal
         self._tallies[self._measurements[index].source].refused.append(refusal.kind)
 
-    def _name(self, report: Report, others: Sequence[str]) -> str:
+    def _name(self, report: Report, others: Container[str]) -> str:
         """The source's id where it is free, else made unique with the source's name; a report without one gets ours."""
         if report.threat_id is not None:
             for name in (report.threat_id, f"{report.source}/{report.threat_id}"):

@@ -2,8 +2,9 @@
 
 import statistics
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from enum import StrEnum
+from types import MappingProxyType
+from typing import NamedTuple
 
 from hsop_gcs.errors import BadInput
 
@@ -35,15 +36,14 @@ class Refusal(BadInput):
         self.kind = kind
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceWatch:
+class SourceWatch(NamedTuple):
     """One source of reports, since it was first heard or last forgotten."""
 
     last_heard_s: float
     accepted: int = 0
     out_of_order: int = 0
     """Of those accepted: how many came after a newer one and were put in their place."""
-    refused: Mapping[RefusalKind, int] = field(default_factory=dict)
+    refused: Mapping[RefusalKind, int] = MappingProxyType({})
     clock_samples: int = 0
     recent_offsets_s: tuple[float, ...] = ()
 

@@ -9,6 +9,7 @@ from hsop_gcs.tracks import kernels
 from hsop_gcs.tracks.filter import FloatArray
 from hsop_gcs.tracks.history import History, Log
 from hsop_gcs.tracks.kernels import IntArray
+from hsop_gcs.tracks.measured import numbers_of
 from hsop_gcs.tracks.rules import TrackRules
 from hsop_gcs.tracks.track import Binding, Track, TrackStatus
 
@@ -26,36 +27,44 @@ class Name(NamedTuple):
 
 
 class Table(Mapping[str, Track]):
-    """The tracks by id. Whoever changes one changes a copy that no picture holds yet."""
+    """The tracks by id. What it holds is replaced, never changed, but for its log, which is only added to."""
 
-    __slots__ = ("_made", "facts", "log", "memory_s", "names", "rows")
+    __slots__ = ("_made", "facts", "log", "names", "numbers", "rows", "rules")
 
-    def __init__(self, log: Log, names: list[Name], rows: dict[str, int], facts: FloatArray, memory_s: float) -> None:
-        self.log, self.names, self.facts, self.memory_s = log, names, facts, memory_s
-        self.rows = rows
+    def __init__(
+        self,
+        log: Log,
+        names: tuple[Name, ...],
+        rows: dict[str, int],
+        facts: FloatArray,
+        rules: TrackRules,
+        numbers: FloatArray,
+    ) -> None:
+        self.log, self.names, self.rows, self.facts, self.rules, self.numbers = log, names, rows, facts, rules, numbers
         self._made: dict[str, Track] = {}
 
     @classmethod
     def of(cls, tracks: Mapping[str, Track], rules: TrackRules) -> "Table":
         """Return a table of one's own with these tracks, its log with room for more."""
-        table = tracks.copy() if isinstance(tracks, Table) else _gathered(list(tracks.values()), rules)
-        if table.log.is_full or table.memory_s != rules.memory_s:
-            table.log, table.facts[:, kernels.NEWEST] = table.log.without_the_past(table.newest, table.memory_s)
-            table.memory_s = rules.memory_s
+        if not isinstance(tracks, Table):
+            tracks = _gathered(list(tracks.values()), rules)
+        table = Table(tracks.log, tracks.names, tracks.rows, tracks.facts, tracks.rules, tracks.numbers)
+        if table.log.is_full or table.rules is not rules:
+            table.log, newest = table.log.without_the_past(table.newest, table.rules.memory_s)
+            table.facts = table.facts.copy()
+            table.facts[:, kernels.NEWEST] = newest
+            table.rules, table.numbers = rules, numbers_of(rules)
         return table
-
-    def copy(self) -> "Table":
-        return Table(self.log, self.names.copy(), self.rows.copy(), self.facts.copy(), self.memory_s)
 
     def only(self, rows: Sequence[int], facts: FloatArray) -> "Table":
         """Return a table of some of its tracks; ``facts``: of all of them."""
-        names = [self.names[row] for row in rows]
-        return Table(self.log, names, _rows(names), facts[rows], self.memory_s)
+        names = tuple([self.names[row] for row in rows])
+        return Table(self.log, names, _rows(names), facts[rows], self.rules, self.numbers)
 
-    def add(self, name: Name) -> None:
-        """Add a track; its facts are for the caller to add."""
-        self.rows[name.id] = len(self.names)
-        self.names.append(name)
+    def add(self, names: Sequence[Name]) -> None:
+        """Add tracks; their facts are for the caller to add."""
+        self.rows = self.rows | {name.id: row for row, name in enumerate(names, len(self.names))}
+        self.names = (*self.names, *names)
 
     @property
     def newest(self) -> IntArray:
@@ -76,7 +85,7 @@ class Table(Mapping[str, Track]):
             reports=int(reports),
             first_seen_s=first_seen_s,
             state=self.log.state(int(newest)),
-            steps=History(self.log, int(newest), self.memory_s),
+            steps=History(self.log, int(newest), self.rules.memory_s),
         )
 
     def __getitem__(self, track_id: str) -> Track:
@@ -104,10 +113,8 @@ def _gathered(tracks: Sequence[Track], rules: TrackRules) -> Table:
         newest = track.steps.newest if track.steps.log is log else log.take(track.steps)
         status = _STATUSES.index(track.status)
         facts[row] = newest, status, track.velocity_known, track.size_m, track.reports, track.first_seen_s
-    names = [Name(track.id, track.source, track.source_threat_id, track.sources) for track in tracks]
-    return Table(
-        log, names, _rows(names), facts, max((track.steps.memory_s for track in tracks), default=rules.memory_s)
-    )
+    names = tuple([Name(track.id, track.source, track.source_threat_id, track.sources) for track in tracks])
+    return Table(log, names, _rows(names), facts, rules, numbers_of(rules))
 
 
 def _rows(names: Sequence[Name]) -> dict[str, int]:

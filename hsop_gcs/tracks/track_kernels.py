@@ -4,37 +4,49 @@ import numpy as np
 
 from hsop_gcs.tracks.kernels import (
     COASTING,
+    COASTS_AFTER,
     CONFIRMED,
     CONFIRMS,
+    COVARIANCE,
     DIMENSIONS,
     FACTS,
     FIRST_SEEN,
+    FIRST_SIZE,
     FORBIDDEN,
     GONE,
-    NAMED,
+    HINT,
+    HITS,
+    KNOWN_VARIANCE,
+    MEASURED,
+    NEAR_HOST,
     NEWEST,
+    POSITION_LIMIT,
+    PSD,
     REPORTS,
     ROW,
+    RULES,
+    SCAN,
+    SIGMA,
     SIZE,
     SIZE_M,
+    SLOT,
+    SLOTS,
     STATUS,
     TENTATIVE,
+    TENTATIVE_TIMEOUT,
     TIME,
+    TIMEOUT,
     VELOCITY_KNOWN,
+    VELOCITY_LIMIT,
     FloatArray,
     IntArray,
     assigned,
-    begin,
     copy,
     correct,
     distances,
     in_gates,
     kernel,
 )
-
-Life = tuple[float, float, float, float, float, float]
-"""What a track's life depends on: the time now, after how long it coasts, below which variance its velocity is known,
-and how many of the newest slots of time, of what length, must hold a measurement to confirm it."""
 
 
 @kernel
@@ -74,36 +86,24 @@ def remembered(
 
 
 @kernel
-def has_left(status: int, newest_s: float, now_s: float, tentative_timeout_s: float, timeout_s: float) -> bool:
-    """Return whether nothing has come of a track for so long that it is over."""
-    return now_s - newest_s > (min(tentative_timeout_s, timeout_s) if status == TENTATIVE else timeout_s)
+def status_at(status: int, newest_s: float, now_s: float, rules: FloatArray) -> int:
+    """Return what a track of a status is at ``now_s`` if nothing new comes."""
+    silent_s = now_s - newest_s
+    if status == TENTATIVE:
+        return GONE if silent_s > min(rules[TENTATIVE_TIMEOUT], rules[TIMEOUT]) else TENTATIVE
+    if silent_s > rules[TIMEOUT]:
+        return GONE
+    return COASTING if silent_s > rules[COASTS_AFTER] else CONFIRMED
 
 
 @kernel
-def _alive(newest_s: float, now_s: float, coast_after_s: float) -> int:
-    return COASTING if now_s - newest_s > coast_after_s else CONFIRMED
-
-
-@kernel
-def age(
-    times_s: FloatArray,
-    facts: FloatArray,
-    now_s: float,
-    coast_after_s: float,
-    tentative_timeout_s: float,
-    timeout_s: float,
-) -> bool:
-    """Bring statuses to what they are at ``now_s``; return whether any has changed."""
+def age(times_s: FloatArray, facts: FloatArray, now_s: float, rules: FloatArray, statuses: FloatArray) -> bool:
+    """Fill statuses (tracks,) with what they are at ``now_s``; return whether any has changed."""
     changed = False
     for track in range(len(facts)):
-        newest_s, status = times_s[int(facts[track, NEWEST])], int(facts[track, STATUS])
-        now = status
-        if has_left(status, newest_s, now_s, tentative_timeout_s, timeout_s):
-            now = GONE
-        elif status != TENTATIVE:
-            now = _alive(newest_s, now_s, coast_after_s)
-        facts[track, STATUS] = now
-        changed |= now != status
+        status = int(facts[track, STATUS])
+        statuses[track] = status_at(status, times_s[int(facts[track, NEWEST])], now_s, rules)
+        changed |= statuses[track] != status
     return changed
 
 
@@ -116,27 +116,35 @@ def live(
     tracks: IntArray,
     newest: IntArray,
     seen: FloatArray,
-    life: Life,
+    now_s: float,
+    rules: FloatArray,
 ) -> int:
     """Write down what each of n measurements, which led to step ``newest``, means for its track.
 
     Return how many were older than their track's newest before.
     """
-    now_s, coast_after_s, known_variance_m2ps2, hits, slots, slot_s = life
     late = 0
     for n in range(len(tracks)):
         fact, row, at = facts[tracks[n]], seen[n], newest[n]
         newest_s, variance = times_s[at], covariances[at]
-        late += row[TIME] < times_s[int(fact[NEWEST])]
+        late += fact[NEWEST] >= 0 and row[TIME] < times_s[int(fact[NEWEST])]
         fact[NEWEST] = at
         fact[REPORTS] += 1
         fact[FIRST_SEEN] = min(fact[FIRST_SEEN], row[TIME])
-        fact[VELOCITY_KNOWN] = (variance[3, 3] + variance[4, 4] + variance[5, 5]) / 3 <= known_variance_m2ps2
+        fact[VELOCITY_KNOWN] = (variance[3, 3] + variance[4, 4] + variance[5, 5]) / 3 <= rules[KNOWN_VARIANCE]
         if row[SIZE] != 0:
             fact[SIZE_M] = row[SIZE]
-        if fact[STATUS] != TENTATIVE or row[CONFIRMS] or _in_slots(times_s, before, at, slots, slot_s) >= hits:
-            fact[STATUS] = _alive(newest_s, now_s, coast_after_s)
+        hits = _in_slots(times_s, before, at, rules[SLOTS], rules[SLOT]) if fact[STATUS] == TENTATIVE else 0
+        if fact[STATUS] != TENTATIVE or row[CONFIRMS] or hits >= rules[HITS]:
+            fact[STATUS] = COASTING if now_s - newest_s > rules[COASTS_AFTER] else CONFIRMED
     return late
+
+
+@kernel
+def unknown(fact: FloatArray, rules: FloatArray) -> None:
+    """Fill the facts of a track that has not been told anything."""
+    fact[NEWEST], fact[STATUS], fact[VELOCITY_KNOWN], fact[REPORTS] = -1, TENTATIVE, 0, 0
+    fact[SIZE_M], fact[FIRST_SEEN] = rules[FIRST_SIZE], np.inf
 
 
 @kernel
@@ -153,6 +161,33 @@ def _in_slots(times_s: FloatArray, before: IntArray, newest: int, slots: float, 
 
 
 @kernel
+def _plain(
+    seen: FloatArray, hosts_m: FloatArray, now_s: float, max_future_s: float, max_age_s: float, rules: FloatArray
+) -> bool:
+    """Whether measurements are reports of one scan, in order, that nothing can be said against: see ``screen``."""
+    for n in range(len(seen)):
+        row = seen[n]
+        time_s = row[TIME]
+        if row[DIMENSIONS] == 0 or row[SIGMA] == 0 or not now_s - max_age_s <= time_s <= now_s + max_future_s:
+            return False
+        if time_s < seen[max(n - 1, 0), TIME] or time_s > seen[0, TIME] + rules[SCAN]:
+            return False
+        for i in range(COVARIANCE):
+            if not np.isfinite(row[i]):
+                return False
+        for host in range(len(hosts_m)):
+            apart_m2 = 0.0
+            for i in range(3):
+                apart_m2 += (row[MEASURED + i] - hosts_m[host, i]) ** 2
+            if apart_m2 <= rules[NEAR_HOST] ** 2:
+                return False
+        for other in range(n):
+            if seen[other, MEASURED] == row[MEASURED] and seen[other, MEASURED + 1] == row[MEASURED + 1]:
+                return False
+    return True
+
+
+@kernel
 def take(
     times_s: FloatArray,
     means: FloatArray,
@@ -160,53 +195,81 @@ def take(
     rows: FloatArray,
     before: IntArray,
     facts: FloatArray,
+    known: int,
     seen: FloatArray,
+    tracks: IntArray,
     end: int,
-    psd: float,
-    scan_s: float,
-    life: Life,
-) -> IntArray:
-    """Tell tracks what the reports of a scan say; return the row of the track of each (n,), -1 for none.
+    hosts_m: FloatArray,
+    now_s: float,
+    max_future_s: float,
+    max_age_s: float,
+    rules: FloatArray,
+) -> int:
+    """Tell tracks what the reports of a scan say, and begin tracks with those that are of none.
 
-    Nothing is done, and (0,) returned, if there is more to weigh than distances: names, bearings, and what is not newer
-    than a track by more than a scan.
+    ``facts``: of ``known`` tracks, with room for as many more as there are reports. ``tracks`` (n,) is filled with the
+    row of the track of each, and steps from ``end`` on are what follows from them, in the same order. Returns how many
+    tracks there are then; -1, and nothing is done, if there is more to weigh than distances: what ``_plain`` refuses,
+    names that are not followed at once, and what is not newer than a track by more than a scan.
     """
-    nothing = np.empty(0, np.int64)
+    if not _plain(seen, hosts_m, now_s, max_future_s, max_age_s, rules):
+        return -1
+    at, taken, free = np.full(len(seen), -1), np.zeros(known, np.bool_), np.empty_like(seen)
+    count = 0
     for n in range(len(seen)):
-        if seen[n, DIMENSIONS] == 0 or seen[n, NAMED]:
-            return nothing
-    cost, doubtful = in_gates(times_s, means, covariances, facts, seen, psd, scan_s)
-    if len(doubtful):
-        return nothing
-    tracks, of, at = assigned(cost), np.empty(len(seen), np.int64), np.empty(len(seen), np.int64)
-    told, count = np.empty_like(seen), 0
-    for n in range(len(seen)):
-        if cost[n, tracks[n]] == FORBIDDEN:
-            tracks[n] = -1
-        else:
-            of[count], at[count] = tracks[n], int(facts[tracks[n], NEWEST])
-            copy(seen[n], told[count])
+        tracks[n] = int(seen[n, HINT]) - 1
+        if tracks[n] < 0:
+            copy(seen[n], free[count])
             count += 1
-    correct(times_s, means, covariances, rows, before, at[:count], told, end, psd)
-    for n in range(count):
+            continue
+        taken[tracks[n]], at[n] = True, int(facts[tracks[n], NEWEST])
+        if seen[n, TIME] <= times_s[at[n]]:
+            return -1
+    if count < len(seen):
+        squared = distances(times_s, means, covariances, at, seen, rules[PSD])
+        for n in range(len(seen)):
+            limit = rules[POSITION_LIMIT if seen[n, DIMENSIONS] == 3 else VELOCITY_LIMIT]
+            if at[n] >= 0 and not squared[n] < limit:
+                return -1
+    cost, doubtful = in_gates(times_s, means, covariances, facts[:known], free[:count], rules[PSD], rules[SCAN])
+    for pair in range(len(doubtful)):
+        if not taken[doubtful[pair, 1]]:
+            return -1
+    for track in range(known):
+        if taken[track]:
+            cost[:, track] = FORBIDDEN
+    nearest, total, count = assigned(cost), known, 0
+    for n in range(len(seen)):
+        if tracks[n] >= 0:
+            continue
+        if cost[count, nearest[count]] < FORBIDDEN:
+            tracks[n] = nearest[count]
+            at[n] = int(facts[tracks[n], NEWEST])
+        else:
+            tracks[n] = total
+            unknown(facts[total], rules)
+            total += 1
+        count += 1
+    correct(times_s, means, covariances, rows, before, at, seen, end, rules)
+    for n in range(len(seen)):
         at[n] = end + n
-    live(times_s, covariances, before, facts, of[:count], at, told, life)
-    return tracks
+    live(times_s, covariances, before, facts, tracks, at, seen, now_s, rules)
+    return total
 
 
 def warm_up() -> None:
     """Compile everything, or load it from the cache."""
     state = np.zeros(2), np.zeros((2, 6)), np.stack([np.eye(6)] * 2)
     log = *state, np.zeros((2, ROW)), -np.ones(2, np.int64)
-    first, seen, facts = np.zeros(1, np.int64), np.ones((1, ROW)), np.zeros((1, FACTS))
-    seen[0, DIMENSIONS], life = 3, (1.0,) * 6
-    begin(*log, seen, 0, 1.0, 1.0)
-    correct(*log, first, seen, 1, 1.0)
+    first, seen, facts, rules = np.zeros(1, np.int64), np.ones((1, ROW)), np.zeros((2, FACTS)), np.ones(RULES)
+    seen[0, DIMENSIONS] = 3
+    correct(*log, first, seen, 1, rules)
     distances(*state, first, seen, 1.0)
     assigned(in_gates(*state, facts, seen, 1.0, 1.0)[0])
     step_at(log[0], log[4], 1, 0.0, 1.0)
     remembered(log[0], log[4], first, 1.0)
-    live(log[0], log[2], log[4], facts, first, first, seen, life)
-    age(log[0], facts, 0.0, 1.0, 1.0, 1.0)
-    has_left(TENTATIVE, 0.0, 0.0, 1.0, 1.0)
-    take(*log, facts, seen, 1, 1.0, 1.0, life)
+    live(log[0], log[2], log[4], facts, first, first, seen, 1.0, rules)
+    age(log[0], facts, 0.0, rules, np.empty(2))
+    status_at(TENTATIVE, 0.0, 0.0, rules)
+    unknown(facts[0], rules)
+    take(*log, facts, 1, seen, first, 1, np.empty((0, 3)), 1.0, 1.0, 1.0, rules)

@@ -46,7 +46,7 @@ def after(*measurements: Report | Bearing, rules: TrackRules = RULES, picture: P
 def first_state(measured: Report, rules: TrackRules = RULES) -> State:
     """What one report alone says."""
     log = Log()
-    return log.state(log.begin([measured], rows_of([measured], rules), rules).item())
+    return log.state(log.follow(np.array([-1]), [measured], rows_of([measured], rules), rules).item())
 
 
 def advance(states: Sequence[State], measurements: Sequence[Measurement], rules: TrackRules = RULES) -> list[State]:
