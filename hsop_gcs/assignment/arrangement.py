@@ -6,13 +6,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hsop_gcs.assignment.routes import FlightRules, Mover, Route, leg_times_s, reached_times_s, why_unsafe
+from hsop_gcs.assignment.routes import FlightRules, Mover, Route, reached_times_s, why_unsafe
 from hsop_gcs.assignment.separation import Conflict, Flight, clear_after_m, departures
 from hsop_gcs.placement.problem import Point, Threat
 
 _LAYERS = 2
 """Layers above and below that are tried."""
 _LAYER_MARGIN_M = 2.0
+_ACCELERATION_MPS2 = 2.0
+"""Of a flight as a whole, its slow approach included; autopilots allow 3 to 5 m/s² at the most."""
 _ASIDE = 8
 """Directions in which a host that is in the way may give way."""
 
@@ -66,8 +68,14 @@ def arrange(
 
 
 def flight_s(mover: Mover, route_m: tuple[Point, ...]) -> float:
-    """Return how long a route takes, seconds."""
-    return float(leg_times_s(np.array([mover.position_m, *route_m]), mover).sum())
+    """Return how long a route takes, seconds: from rest, and to rest at each of its points."""
+    legs = np.diff([mover.position_m, *route_m], axis=0)
+    away_m, climbs_m = np.linalg.norm(legs, axis=1), np.abs(legs[:, 2])
+    to_speed_m = mover.speed_mps**2 / _ACCELERATION_MPS2
+    short_s = 2 * np.sqrt(away_m / _ACCELERATION_MPS2)
+    long_s = (away_m + to_speed_m) / mover.speed_mps
+    level_s = np.where(away_m < to_speed_m, short_s, long_s)
+    return float(np.maximum(level_s, climbs_m / mover.climb_mps).sum())
 
 
 def _timed(flown: list[Flight], movers: Mapping[str, Mover], separation_m: float) -> Iterator[Departure]:

@@ -47,7 +47,7 @@ class PlanningRules:
     threats that are not known well: twice their standard deviation, but no more than the safety distance again."""
     min_separation_m: float = 10.0
     formulation: Formulation = Formulation.OPERATIONAL
-    objective: Objective = Objective.LETTER
+    objective: Objective = Objective.RMS
     hosts: int | Literal["fewest", "all"] | TargetError = TargetError()
     """How many hosts to use: "fewest" that see every threat, "all" that are available, a number, or the fewest that
     bring every threat's expected error to a target."""
