@@ -22,12 +22,14 @@ from hsop_gcs.placement.search.state import State, copied, copy_state, new_state
 
 POLISH_STEPS = 80
 STIFFNESS = 15.0
-STIFFEST = 1_500.0
-"""At the end of an anneal over poses."""
+HARDENING = 100.0
+"""By how much penalties grow during an anneal over poses."""
 HOT, COLD = 0.5, 1e-3
 """First and last temperature of anneals from random poses."""
 MENDING_STIFFNESS = 60.0
 """Of penalties while no placement keeps every rule: cost matters little then."""
+MENDING_STIFFNESS_OF_POSES = 200.0
+"""The same for anneals over poses: where two hosts see eight threats, 3 of 4 then keep every rule, else none."""
 TRANSFERS = 0.6
 """Share of the trials that begin by giving a host to another threat."""
 COOLEST, HOTTEST = -1.5, 0.0
@@ -39,6 +41,8 @@ JOINT = 0.5
 """Share of the parts grown again that take another one beside them in."""
 GROWING_MOVES = 2_000
 """For each of their threats."""
+MOST_GATHERED, GATHERING_MOVES = 3, 1_500
+"""Threats beside each other that are tried by themselves, and moves for each."""
 
 Found = tuple[State, Sequence[int]]
 """A placement and the numbers of the threats it has."""
@@ -95,8 +99,13 @@ def starts_quickly(q: Question, s: State) -> bool:
     return decided_by_poses(q, s) or shares_nothing(q, s)
 
 
-def fresh(q: Question, s: State, trial: State, moves: int, reach_m: float, chance: Chance) -> None:
-    """Anneal an empty state from random poses, leaving the polished result in ``s``."""
+def fresh(
+    q: Question, s: State, trial: State, moves: int, reach_m: float, chance: Chance, *, mending: bool = False
+) -> None:
+    """Anneal an empty state from random poses, leaving the polished result in ``s``.
+
+    mending: others kept breaking rules.
+    """
     hosts, threats = np.arange(s.degree.shape[0]), np.arange(s.pairs.shape[0])
     if shares_nothing(q, s):
         alone = []
@@ -108,7 +117,8 @@ def fresh(q: Question, s: State, trial: State, moves: int, reach_m: float, chanc
         return
     if decided_by_poses(q, s):
         scatter(q, s, chance)
-        anneal_poses(q, sight_of(q), s, moves, HOT, COLD, reach_m, STIFFNESS, STIFFEST, chance)
+        soft = MENDING_STIFFNESS_OF_POSES if mending else STIFFNESS
+        anneal_poses(q, sight_of(q), s, moves, HOT, COLD, reach_m, soft, HARDENING * soft, chance)
     else:
         scatter(q, trial, chance)
         anneal(q, trial, s, hosts, threats, moves, HOT, COLD, reach_m, STIFFNESS, chance)
@@ -184,9 +194,37 @@ def regrown(q: Question, s: State, reach_m: float, chance: Chance) -> Found:
         threats, hosts = sorted(threats + beside), hosts + more
     most = min(2 * len(threats), int(q.hosts_of_rig.sum()))
     count = min(max(2, len(hosts) + below(chance, 3) - 1), most)
-    grown, trial = new_state(len(threats), count), new_state(len(threats), count)
-    fresh(question_about(q, threats), grown, trial, GROWING_MOVES * len(threats), reach_m, chance)
-    return grown, threats
+    return grown(q, threats, count, GROWING_MOVES, reach_m, chance)
+
+
+def gathered(q: Question, s: State, reach_m: float, chance: Chance) -> Found | None:
+    """Anneal a few threats near each other from random poses, whoever sees them now; None where none can be apart.
+
+    The others are left hosts enough, and no more than they can use. Threats that hosts hold together need at most one
+    host more than they are.
+    """
+    threats, n_hosts = len(s.pairs), len(s.degree)
+    kinds = [
+        (size, count)
+        for size in range(1, min(MOST_GATHERED, threats - 1) + 1)
+        for count in range(max(2, n_hosts - 2 * (threats - size)), min(size + 1, n_hosts - 2) + 1)
+    ]
+    if not kinds:
+        return None
+    first = costlier(s, chance) if uniform(chance) < 0.5 else below(chance, threats)
+    size, count = kinds[below(chance, len(kinds))]
+    middles = q.points_m.mean(axis=1)
+    away = np.abs(middles - middles[first]).sum(axis=1)
+    rank = away * np.array([0.5 + uniform(chance) for _ in range(threats)])
+    chosen = sorted(np.argsort(rank, kind="stable")[:size].tolist())
+    return grown(q, chosen, count, GATHERING_MOVES, reach_m, chance)
+
+
+def grown(q: Question, threats: Sequence[int], n_hosts: int, moves: int, reach_m: float, chance: Chance) -> Found:
+    """Anneal some threats by themselves from random poses, with so many moves for each."""
+    state, trial = new_state(len(threats), n_hosts), new_state(len(threats), n_hosts)
+    fresh(question_about(q, list(threats)), state, trial, moves * len(threats), reach_m, chance)
+    return state, threats
 
 
 def improve(

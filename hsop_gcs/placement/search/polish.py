@@ -109,26 +109,28 @@ def polish(q: Question, s: State, moving: Ints, steps: int) -> bool:
     stalled = 0
     for _ in range(steps):
         hessian = np.zeros((n, n))
-        residual = np.zeros(n)
+        downhill, inward = np.zeros(n), np.zeros(n)
         stationarity = np.zeros(n)
-        complementarity = 0.0
-        value = 0.0
+        cost = logarithms = 0.0
         for m in range(count):
             margins[m] = element(q, rows[m], poses, g, work)
             is_cost = rows[m, 0] == COST
-            value += margins[m] if is_cost else -mu * math.log(margins[m])
+            if is_cost:
+                cost += margins[m]
+            else:
+                logarithms += math.log(margins[m])
             for v in range(8):
                 gradients[m, v] = g[v] * unit[v % 4]
-            force = 1.0 if is_cost else -mu / margins[m]
             dual = 1.0 if is_cost else -z[m]
-            if not is_cost:
-                complementarity = max(complementarity, abs(z[m] * margins[m] - mu))
             stiff = 0.0 if is_cost else z[m] / margins[m]
             for v in range(8):
                 a = columns[m, v]
                 if a < 0:
                     continue
-                residual[a] -= force * gradients[m, v]
+                if is_cost:
+                    downhill[a] -= gradients[m, v]
+                else:
+                    inward[a] += gradients[m, v] / margins[m]
                 stationarity[a] += dual * gradients[m, v]
                 if stiff > 0:
                     for w in range(8):
@@ -151,13 +153,20 @@ def polish(q: Question, s: State, moving: Ints, steps: int) -> bool:
                             h = 0.5 * dual * (g2[w] * unit[w % 4] - gradients[m, w]) / DIFFERENCE
                             hessian[a, b] += h
                             hessian[b, a] += h
-        error = max(np.abs(stationarity).max(), complementarity)
-        if error < 10 * mu or stalled > 3:
-            if mu <= last_mu:
+        while True:
+            error = np.abs(stationarity).max()
+            for m in range(count):
+                if rows[m, 0] != COST:
+                    error = max(error, abs(z[m] * margins[m] - mu))
+            settled = error < 10 * mu or stalled > 3
+            if not settled or mu <= last_mu:
                 break
             mu = max(last_mu, min(0.15 * mu, mu**1.4 * scale**-0.4))
             stalled = 0
-            continue
+        if settled:
+            break
+        value = cost - mu * logarithms
+        residual = downhill + mu * inward
         step = residual.copy()
         while not solve_positive(hessian, step, shift):
             shift = max(1e-6 * scale, 8 * shift)

@@ -41,9 +41,10 @@ A_LITTLE = 0.02
 
 
 def decided_by_poses(q: Question, s: State) -> bool:
-    """Whether ``anneal_poses`` holds for a question, and hosts are shared: else there is no pair set to decide."""
+    """Whether ``anneal_poses`` holds for a question, and threats are not each by itself."""
     alike = len(q.hosts_of_rig) == 1 and q.separation_m <= 0 and len(q.areas) == 0
-    return bool(q.plane and alike and not q.whole_path and len(s.degree) < 2 * len(s.pairs))
+    together = len(s.degree) < 2 * len(s.pairs) or len(s.pairs) == 1
+    return bool(q.plane and alike and not q.whole_path and together)
 
 
 class Sight(NamedTuple):

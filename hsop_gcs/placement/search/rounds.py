@@ -12,7 +12,7 @@ from hsop_gcs.placement.search.chance import State as Chance
 from hsop_gcs.placement.search.chance import seeded
 from hsop_gcs.placement.search.model import Question
 from hsop_gcs.placement.search.moves import mend
-from hsop_gcs.placement.search.neighbourhood import Found, fresh, improve, regrown, shake, starts_quickly
+from hsop_gcs.placement.search.neighbourhood import Found, fresh, gathered, improve, regrown, shake, starts_quickly
 from hsop_gcs.placement.search.parts import Parts
 from hsop_gcs.placement.search.state import State, copied, copy_state, new_state, totals
 
@@ -22,7 +22,7 @@ STARTS = 2
 """Anneals from random poses in one task, of which the best is improved."""
 SHORTEST_START, MOVES_PER_THREAT = 3_000, 2_400
 MOVES_PER_PAIR = 240
-"""Of threats, where starts are quick."""
+"""Of threats, where starts are quick; as many for each of more than ten threats as for each of ten."""
 EVERY_LANE = -1
 RESTART_EVERY = 6
 """One lane starts afresh in every so many rounds."""
@@ -30,6 +30,8 @@ TRIALS, TRIALS_AFTER_START, TRIALS_MEANWHILE = 5, 4, 12
 """Neighbourhoods that are annealed again in one task, in about two hundredths of a second; while another starts afresh,
 as many as take the same time."""
 TRIALS_AFTER_QUICK_START = 2
+GATHERINGS = 2
+"""Of a few threats in each task, where starts are quick."""
 MOVES_PER_HOST = 500
 WARM_TRIALS, SHAKE_MOVES = 3, 8_000
 """The first round from an earlier placement is a short one: little may be left to do."""
@@ -136,8 +138,12 @@ class Course:
         improve(self.q, state, trial, spare, trials, MOVES_PER_HOST, REACH_M, chance, found)
         if self.round > 0:
             found.append(regrown(self.q, state, REACH_M, chance))
+            for _ in range(GATHERINGS if self._quick else 0):
+                apart = gathered(self.q, state, REACH_M, chance)
+                if apart is not None:
+                    found.append(apart)
             if self._quick:
-                found.append(self._fresh(spare, trial, chance))
+                found.append(self._fresh(spare, trial, chance, mending=self.pool.best is None))
         return state, found
 
     @property
@@ -158,17 +164,18 @@ class Course:
         """Leave the best of some short anneals from random poses in ``state``."""
         least = (math.inf, math.inf)
         for _ in range(STARTS):
-            found.append(self._fresh(spare, trial, chance))
+            found.append(self._fresh(spare, trial, chance, mending=0 < least[0] < math.inf))
             cost, violation = totals(self.q, spare)
             if (violation, cost) < least:
                 least = (violation, cost)
                 copy_state(spare, state)
 
-    def _fresh(self, state: State, trial: State, chance: Chance) -> Found:
+    def _fresh(self, state: State, trial: State, chance: Chance, *, mending: bool) -> Found:
         """Leave a short anneal from random poses in ``state``; return a copy."""
         threats = len(self.q.weight)
-        moves = max(SHORTEST_START, threats * (MOVES_PER_PAIR * threats if self._quick else MOVES_PER_THREAT))
-        fresh(self.q, state, trial, moves, REACH_M, chance)
+        each = min(MOVES_PER_PAIR * threats, MOVES_PER_THREAT) if self._quick else MOVES_PER_THREAT
+        moves = max(SHORTEST_START, threats * each)
+        fresh(self.q, state, trial, moves, REACH_M, chance, mending=mending)
         return copied(state), range(threats)
 
 

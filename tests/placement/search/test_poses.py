@@ -1,6 +1,7 @@
 """Annealing over poses alone: what it leaves keeps every rule and cannot be shared out better."""
 
 import itertools
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from hsop_gcs.placement.search.chance import seeded
 from hsop_gcs.placement.search.model import PERIPHERAL, Question, edge_energy
 from hsop_gcs.placement.search.poses import anneal_poses, decided_by_poses, sight_of
 from hsop_gcs.placement.search.question import frame_of, question_of
+from hsop_gcs.placement.search.rounds import LANES, Course
 from hsop_gcs.placement.search.state import State, copied, new_state, refresh, totals
 from tests.placement.examples import random_threats
 
@@ -36,6 +38,15 @@ def test_an_anneal_over_poses_keeps_every_rule_and_uses_every_host(seed: int) ->
     assert totals(q, state)[1] == 0
     assert state.degree.min() >= 1
     assert state.degree.sum() == 2 * THREATS
+
+
+def test_two_hosts_that_can_see_eight_threats_are_found_in_the_second_round() -> None:
+    problem = Problem(threats=random_threats(8, np.random.default_rng(8800), 131.43), formulation=Formulation.LETTER)
+    course = Course(question_of(problem, frame_of(problem)), 2, 0)
+    with ThreadPoolExecutor(LANES) as executor:
+        course.advance(executor)
+        course.advance(executor)
+    assert course.pool.best is not None
 
 
 def test_no_other_pair_of_fisheyes_would_serve_a_threat_better() -> None:
