@@ -50,14 +50,18 @@ def rows_of(measurements: Sequence[Measurement], rules: TrackRules) -> FloatArra
     NaN stands for what is no standard deviation or matrix. No gate lets a bearing's row through: it is no report.
     """
     rows = np.zeros((len(measurements), kernels.ROW))
-    room, position_gate = rows.data, gate_of(3, rules)
+    room, position_gate, least_m = rows.data, gate_of(3, rules), rules.min_sigma_m
     for index, each in enumerate(measurements):
         if each.threat_id is not None or each.track_id is not None:
             rows[index, kernels.NAMED] = 1.0
         if isinstance(each, Bearing):
             rows[index, : kernels.SIGMA] = each.time_s, 0.0, -1.0
             continue
-        sigma_m = rules.default_sigma_m if each.sigma_m is None else _at_least(each.sigma_m, rules.min_sigma_m)
+        sigma_m = each.sigma_m
+        if sigma_m is None:
+            sigma_m = rules.default_sigma_m
+        elif not sigma_m > least_m:
+            sigma_m = _at_least(sigma_m, least_m)
         at = 8 * kernels.ROW * index
         _put_position(room, at, each.time_s, 3.0, position_gate, sigma_m, sigma_m**2, *each.position_m)
         if each.threat_id is not None:

@@ -77,10 +77,10 @@ class Tally:
         for kind in self.refused:
             refused = {**refused, kind: refused.get(kind, 0) + 1}
         return SourceWatch(
-            last_heard_s=self._now_s,
-            accepted=before.accepted + self.accepted,
-            out_of_order=before.out_of_order + self.out_of_order,
-            refused=refused,
-            clock_samples=before.clock_samples + len(self.offsets_s),
-            recent_offsets_s=(*before.recent_offsets_s, *self.offsets_s)[-_OFFSETS_KEPT:],
+            self._now_s,
+            before.accepted + self.accepted,
+            before.out_of_order + self.out_of_order,
+            refused,
+            before.clock_samples + len(self.offsets_s),
+            (*before.recent_offsets_s, *self.offsets_s)[-_OFFSETS_KEPT:],
         )

@@ -235,9 +235,10 @@ def take(
     for pair in range(len(doubtful)):
         if not taken[doubtful[pair, 1]]:
             return -1
-    for track in range(known):
-        if taken[track]:
-            cost[:, track] = FORBIDDEN
+    for n in range(count):
+        for track in range(known):
+            if taken[track]:
+                cost[n, track] = FORBIDDEN
     nearest, total, count = assigned(cost), known, 0
     for n in range(len(seen)):
         if tracks[n] >= 0:
