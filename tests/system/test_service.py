@@ -171,9 +171,15 @@ def test_a_new_plan_is_proposed_when_a_threat(departure: str) -> None:
         if departure == "appears":
             far = position(lon_deg=8.5464)
             post(client, report("t2", position=far, **STILL))
-            reason = "threat t2 appeared"
+            tell, reason = keep_reporting(client, report("t1", **STILL)), "threat t2 appeared"
         else:
-            post(client, report("t1", position=position(lat_deg=47.39885), **STILL))
-            reason = "from its prediction"
-        newer = wait_until(lambda: each if (each := plans(client)["proposed"]) and each["id"] != first["id"] else None)
+            moved = report("t1", position=position(lat_deg=47.3989), **STILL)
+            tell, reason = keep_reporting(client, moved), "from its prediction"
+
+        def another() -> Json | None:
+            tell()
+            plan: Json | None = plans(client)["proposed"]
+            return None if plan is None or plan["id"] == first["id"] else plan
+
+        newer = wait_until(another)
         assert reason in newer["trigger"]
