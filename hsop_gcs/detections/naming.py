@@ -14,9 +14,8 @@ from scipy.optimize import linear_sum_assignment
 from hsop_gcs.cameras.sight import FloatArray
 from hsop_gcs.detections.ray import Ray
 from hsop_gcs.detections.rules import DetectionRules
+from hsop_gcs.tracks.kernels import FORBIDDEN
 
-_FORBIDDEN = 1e9
-"""Above any sum of costs."""
 _ROUNDS = 5
 """Of working out how far away a threat is: what a metre across a ray is worth depends on it."""
 
@@ -30,16 +29,16 @@ def doubtful(
     all threats that the rays may be of, ENU metres, at the time of the rays.
     """
     owners = list(groups)
-    cost = np.full((len(owners), len(mean) + len(owners)), _FORBIDDEN)
+    cost = np.full((len(owners), len(mean) + len(owners)), FORBIDDEN)
     for row, rays in enumerate(groups.values()):
         cost[row, : len(mean)] = _costs(rays, mean, covariance, rules)
         cost[row, len(mean) + row] = -2 * len(rays) * math.log(rules.unexplained_per_sr)
     found = set()
     for row, owner in enumerate(owners):
         as_found, otherwise = cost.copy(), cost.copy()
-        as_found[row] = _FORBIDDEN
+        as_found[row] = FORBIDDEN
         as_found[row, owner] = cost[row, owner]
-        otherwise[row, owner] = _FORBIDDEN
+        otherwise[row, owner] = FORBIDDEN
         if _least(otherwise) - _least(as_found) < 2 * math.log(rules.sure_odds):
             found.add(owner)
     return found
@@ -75,4 +74,4 @@ def _costs(rays: Sequence[Ray], mean: FloatArray, covariance: FloatArray, rules:
     squared = np.square(misses).sum(axis=1) + (moved * (prior @ moved[:, :, None])[:, :, 0]).sum(axis=1)
     widths = np.linalg.slogdet(information)[1] + np.linalg.slogdet(covariance)[1]
     densities = 2 * np.log(sigma_m / depth[..., None]).sum(axis=(1, 2)) + 2 * len(rays) * math.log(2 * math.pi)
-    return np.where(ahead, squared + widths + densities, _FORBIDDEN)
+    return np.where(ahead, squared + widths + densities, FORBIDDEN)

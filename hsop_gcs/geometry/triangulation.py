@@ -1,16 +1,12 @@
 """A threat's position from two or more rays: Eqs. 5 and 6 as printed, and the maximum-likelihood fix."""
 
 import math
-from collections.abc import Callable
-from typing import TypeVar, cast
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from hsop_gcs.geometry.compiled import kernel
 from hsop_gcs.geometry.rays import FloatArray, Rays, camera_axes
-
-Kernel = TypeVar("Kernel", bound=Callable[..., object])
 
 STEPS = 30
 """Steps of a fix at most; three to five are usual."""
@@ -20,10 +16,6 @@ COARSE = 16
 """Points tried on each ray, each at three quarters of the last one's distance, when the rays do not cross ahead."""
 PARALLEL = 1e-12
 """Smallest determinant of the normalised information at which rays count as crossing."""
-
-
-def _kernel(function: Kernel) -> Kernel:
-    return cast(Kernel, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
 
 
 def triangulate_eq5(
@@ -89,7 +81,7 @@ def _contiguous(origins_m: npt.ArrayLike, rays: Rays) -> tuple[FloatArray, Float
     return origins, np.ascontiguousarray(rays.directions), np.ascontiguousarray(rays.whiteners)
 
 
-@_kernel
+@kernel
 def _eq5(origin_p: FloatArray, first: FloatArray, origin_c: FloatArray, second: FloatArray) -> FloatArray:
     result = np.empty_like(first)
     bx, by, bz = origin_p[0] - origin_c[0], origin_p[1] - origin_c[1], origin_p[2] - origin_c[2]
@@ -105,7 +97,7 @@ def _eq5(origin_p: FloatArray, first: FloatArray, origin_c: FloatArray, second: 
     return result
 
 
-@_kernel
+@kernel
 def _solved(m: FloatArray, v: FloatArray, damping: float, result: FloatArray) -> bool:
     """Solve (m + damping · diag m) result = v for a symmetric (3, 3) by cofactors; False if it has no inverse."""
     a, b, c = m[0, 0] * (1 + damping), m[1, 1] * (1 + damping), m[2, 2] * (1 + damping)
@@ -122,7 +114,7 @@ def _solved(m: FloatArray, v: FloatArray, damping: float, result: FloatArray) ->
     return True
 
 
-@_kernel
+@kernel
 def _nearest_point(origins: FloatArray, u: FloatArray, m: FloatArray, v: FloatArray, result: FloatArray) -> bool:
     """Solve (Σ Pᵢ) x = Σ Pᵢ oᵢ with Pᵢ = I - uᵢ uᵢᵀ: the point nearest to all rays."""
     m[:] = 0.0
@@ -137,7 +129,7 @@ def _nearest_point(origins: FloatArray, u: FloatArray, m: FloatArray, v: FloatAr
     return _solved(m, v, 0.0, result)
 
 
-@_kernel
+@kernel
 def _normal_equations(
     origins: FloatArray, u: FloatArray, w: FloatArray, reach: FloatArray, x: FloatArray, m: FloatArray, v: FloatArray
 ) -> float:
@@ -172,7 +164,7 @@ def _normal_equations(
     return total
 
 
-@_kernel
+@kernel
 def _start(
     origins: FloatArray, u: FloatArray, w: FloatArray, reach: FloatArray, x: FloatArray, m: FloatArray, v: FloatArray
 ) -> float:
@@ -200,7 +192,7 @@ def _start(
     return best
 
 
-@_kernel
+@kernel
 def _fixes(origins: FloatArray, directions: FloatArray, whiteners: FloatArray, reach: FloatArray) -> FloatArray:
     draws, views = directions.shape[0], directions.shape[1]
     result = np.full((draws, 3), np.nan)
@@ -237,7 +229,7 @@ def _fixes(origins: FloatArray, directions: FloatArray, whiteners: FloatArray, r
     return result
 
 
-@_kernel
+@kernel
 def _covariances(
     origins: FloatArray, directions: FloatArray, whiteners: FloatArray, positions: FloatArray, reach: FloatArray
 ) -> FloatArray:

@@ -17,7 +17,6 @@ from hsop_gcs.reports import Bearing, Measurement
 FloatArray = npt.NDArray[np.float64]
 
 _AXES = np.arange(2)
-_AT_REST = (0.0, 0.0, 0.0)
 _IDENTITY = np.eye(6)
 _DRIFT = np.eye(6, k=3)
 _POSITION = np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])

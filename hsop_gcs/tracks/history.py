@@ -187,8 +187,6 @@ class History:
     def __eq__(self, other: object) -> bool:
         return isinstance(other, History) and tuple(self) == tuple(other)
 
-    __hash__ = None  # type: ignore[assignment]
-
     def __getstate__(self) -> tuple[None, dict[str, object]]:
         log, (newest,) = self.log.without_the_past(np.array([self.newest]), self.memory_s)
         return None, {"log": log, "newest": int(newest), "memory_s": self.memory_s}

@@ -6,16 +6,14 @@ there is a row of ``facts``. Each state is worked on by itself: a batch gives th
 """
 
 import math
-from collections.abc import Callable
-from typing import TypeVar, cast
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from hsop_gcs.geometry.compiled import kernel
+
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
-Kernel = TypeVar("Kernel", bound=Callable[..., object])
 
 TIME, DIMENSIONS, GATE, SIGMA, VARIANCE, MEASURED, VELOCITY_SIGMA, VELOCITY_VARIANCE = 0, 1, 2, 3, 4, 5, 11, 12
 """Where a measurement's row has its time; how many numbers count: 3 (position), 6 (velocity too) or 0 (a bearing); its
@@ -34,10 +32,6 @@ FORBIDDEN = 1e9
 """Cost of a pair outside its gate; above any sum of the others."""
 SECOND_CHOICE = 1e4
 """Added for a tentative track; above any sum of distances inside gates: confirmed ones come first."""
-
-
-def kernel(function: Kernel) -> Kernel:
-    return cast(Kernel, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
 
 
 @kernel

@@ -22,11 +22,11 @@ from hsop_gcs.tracks.table import Name, Table
 from hsop_gcs.tracks.track import Binding, Track, TrackStatus
 
 
-def unknown(table: Table, count: int, rules: TrackRules) -> None:
+def unknown(table: Table, count: int) -> None:
     """Add the facts of tracks that have not been told anything."""
     table.facts = _with_room(table, count)
     for facts in table.facts[-count:]:
-        track_kernels.unknown(facts, numbers_of(rules))
+        track_kernels.unknown(facts, table.numbers)
 
 
 def tell(
@@ -36,12 +36,11 @@ def tell(
     rows: FloatArray,
     *,
     now_s: float,
-    rules: TrackRules,
 ) -> int:
     """Tell tracks, by their rows in the table, a measurement each; return how many were out of order."""
-    newest = table.log.follow(table.newest[tracks], measurements, rows, rules)
+    newest = table.log.follow(table.newest[tracks], measurements, rows, table.rules)
     table.facts = table.facts.copy()
-    late = track_kernels.live(*table.log.life, table.facts, tracks, newest, rows, now_s, numbers_of(rules))
+    late = track_kernels.live(*table.log.life, table.facts, tracks, newest, rows, now_s, table.numbers)
     bind(table, tracks.tolist(), measurements)
     return late
 

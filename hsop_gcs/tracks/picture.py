@@ -170,7 +170,7 @@ class _Work:
         self._tell(scan, list(found.tracks), list(found.tracks.values()), rows)
         new = [each for each in range(len(scan)) if each not in found.tracks and each not in found.refusals]
         if new:
-            unknown(self._table, len(new), self._rules)
+            unknown(self._table, len(new))
             self._christen([chosen[position] for position in new])
             self._tell(scan, new, range(known, known + len(new)), rows)
 
@@ -179,7 +179,7 @@ class _Work:
         if positions:
             indices = [scan[position] for position in positions]
             chosen = [self._measurements[index] for index in indices]
-            late = tell(self._table, np.array(tracks), chosen, rows[positions], now_s=self._now_s, rules=self._rules)
+            late = tell(self._table, np.array(tracks), chosen, rows[positions], now_s=self._now_s)
             self._tallies[chosen[0].source].out_of_order += late
             self._accept(indices, tracks)
 

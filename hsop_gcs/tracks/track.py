@@ -69,10 +69,6 @@ class Track:
         """Standard deviation of the position, each axis, root mean square over the axes."""
         return math.sqrt(self.state.position_variance_m2)
 
-    def is_bound_to(self, source: str, threat_id: str) -> bool:
-        """Return whether a source's id stands for this track."""
-        return any(each.threat_id == threat_id and each.source == source for each in self.sources)
-
     @property
     def velocity_sigma_mps(self) -> float:
         """Standard deviation of the velocity, each axis, root mean square over the axes."""

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from hsop_gcs.geometry.compiled import kernel
 from hsop_gcs.tracks.kernels import (
     COASTING,
     COASTS_AFTER,
@@ -45,7 +46,6 @@ from hsop_gcs.tracks.kernels import (
     correct,
     distances,
     in_gates,
-    kernel,
 )
 
 

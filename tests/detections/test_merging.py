@@ -9,6 +9,7 @@ from hsop_gcs.detections import DetectionRules
 from hsop_gcs.detections.merging import SOURCE, merged
 from hsop_gcs.reports import Report, Vector3
 from hsop_gcs.tracks import Picture, Track, TrackRules, update
+from hsop_gcs.tracks.track import Binding
 from tests.detections.examples import METRE, NOW_S
 
 RULES = TrackRules()
@@ -40,7 +41,7 @@ def test_the_reported_name_stays_with_what_the_cameras_know() -> None:
     coarse, sharp = followed("radar", "t1", (0.0, 0.0, 40.0), 15.0), followed(SOURCE, None, BESIDE, 0.2)
     (one,) = after(coarse, sharp).tracks.values()
     assert (one.id, one.source, one.source_threat_id) == ("t1", "radar", "t1")
-    assert one.is_bound_to("radar", "t1")
+    assert Binding("radar", "t1") in one.sources
     assert one.position_m == pytest.approx(BESIDE, abs=0.2 * METRE)
     assert one.sigma_m == sharp.sigma_m < coarse.sigma_m
     assert one.reports == coarse.reports + sharp.reports

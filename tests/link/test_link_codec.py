@@ -1,6 +1,7 @@
 """Bytes to messages and back, whatever the bytes."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import astuple, fields
 
 import pytest
@@ -26,6 +27,12 @@ def same(one: Message, other: Message) -> bool:
         return ["nan"] if isinstance(value, float) and math.isnan(value) else [value]
 
     return type(one) is type(other) and flat(astuple(one)) == flat(astuple(other))
+
+
+def fed_in_pieces(decoder: Decoder, stream: bytes, cuts: Sequence[int]) -> list[bytes]:
+    """The frames a decoder finds in a stream that comes in pieces, cut at these places."""
+    pieces = [stream[start:stop] for start, stop in zip([0, *cuts], [*cuts, len(stream)], strict=True)]
+    return [frame.raw for piece in pieces for frame in decoder.feed_stream(piece)]
 
 
 @pytest.mark.parametrize("cls", SPOKEN, ids=lambda cls: cls.NAME)
@@ -111,9 +118,7 @@ def test_a_stream_may_be_cut_anywhere(sent: list[Message], data: st.DataObject) 
     stream = b"".join(raws)
     cuts = sorted(data.draw(st.lists(st.integers(0, len(stream)), max_size=10)))
     decoder = Decoder()
-    found = []
-    for start, stop in zip([0, *cuts], [*cuts, len(stream)], strict=True):
-        found += [frame.raw for frame in decoder.feed_stream(stream[start:stop])]
+    found = fed_in_pieces(decoder, stream, cuts)
     assert found == raws
     assert decoder.pending_bytes == 0
 
@@ -130,9 +135,7 @@ def test_a_signature_may_hold_what_a_frame_begins_with(sent: list[tuple[Message,
     stream = b"".join(raws)
     cuts = sorted(data.draw(st.lists(st.integers(0, len(stream)), max_size=10)))
     decoder = Decoder()
-    found = []
-    for start, stop in zip([0, *cuts], [*cuts, len(stream)], strict=True):
-        found += [frame.raw for frame in decoder.feed_stream(stream[start:stop])]
+    found = fed_in_pieces(decoder, stream, cuts)
     decoder.forget_partial()
     assert found == raws
     assert (decoder.counters.bad_frames, decoder.counters.skipped_bytes) == (0, 0)
@@ -144,10 +147,7 @@ def test_a_signed_frame_that_is_cut_in_its_signature_does_not_swallow_the_next(l
     signed = Encoder(system=1, component=1, sign=lambda frame: frame + bytes(13)).encode(StatusText(text="cut"))
     good = [Encoder(system=1, component=1).encode(message) for message in (Heartbeat(), GlobalPositionInt())]
     stream = signed[: len(signed) - 13 + left] + b"".join(good)
-    decoder = Decoder()
-    found = []
-    for at in range(0, len(stream), chunk):
-        found += [frame.raw for frame in decoder.feed_stream(stream[at : at + chunk])]
+    found = fed_in_pieces(Decoder(), stream, range(chunk, len(stream), chunk))
     assert found[-2:] == good
 
 
@@ -156,9 +156,8 @@ def test_a_frame_whose_last_byte_is_missing_does_not_swallow_the_next_that_begin
     encoder = Encoder(system=1, component=1)
     cut = next(raw for n in range(5000) if (raw := encoder.encode(StatusText(id=n)))[-1] == 0xFD)
     good = Encoder(system=1, component=1).encode(Heartbeat())
-    stream, decoder, found = cut[:-1] + good, Decoder(), []
-    for at in range(0, len(stream), chunk):
-        found += [frame.raw for frame in decoder.feed_stream(stream[at : at + chunk])]
+    stream = cut[:-1] + good
+    found = fed_in_pieces(Decoder(), stream, range(chunk, len(stream), chunk))
     assert found[-1] == good
 
 

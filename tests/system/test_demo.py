@@ -13,6 +13,8 @@ import pytest
 from hsop_gcs.replay import replay
 
 COMMAND = [sys.executable, "-m", "hsop_gcs", "demo"]
+PROGRESS = ("waiting for ", "reporting ")
+"""What it may still say between take-off and being stopped."""
 
 
 def left_of(leader: int) -> list[int]:
@@ -83,7 +85,9 @@ def test_an_interrupted_demonstration_leaves_no_process_behind(number: signal.Si
     (os.killpg if number == signal.SIGINT else os.kill)(process.pid, number)
     _, err = process.communicate(timeout=30)
     assert process.returncode == 130, err
-    assert err.splitlines()[-1] == "hsop-gcs: stopped"
+    *said, last = err.splitlines()
+    assert last == "hsop-gcs: stopped"
+    assert all(line.startswith(PROGRESS) for line in said), said
     assert left_of(process.pid) == []
 
 

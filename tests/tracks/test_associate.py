@@ -13,6 +13,7 @@ from scipy.optimize import linear_sum_assignment
 from hsop_gcs.reports import Measurement, Report
 from hsop_gcs.tracks import Picture, Refusal, RefusalKind, TrackRules, TrackStatus, Verdict, prune, update
 from hsop_gcs.tracks.kernels import FORBIDDEN, assigned
+from hsop_gcs.tracks.track import Binding
 from tests.tracks.gospa import gospa_m
 from tests.tracks.world import RULES, T0_S, after, bearing, distances, report, vector, verdict_on
 
@@ -98,7 +99,7 @@ def test_two_ids_taken_for_one_threat_part_when_it_becomes_impossible() -> None:
     assert verdicts == ("t1", "c7")
     assert picture.tracks["t1"].position_m[0] == pytest.approx(-23.6, abs=1.0)
     assert picture.tracks["c7"].position_m[0] == pytest.approx(23.6, abs=1.0)
-    assert not picture.tracks["t1"].is_bound_to("console", "c7")
+    assert Binding("console", "c7") not in picture.tracks["t1"].sources
 
 
 def test_a_threat_known_by_one_id_may_manoeuvre_but_not_faster_than_aircraft_fly() -> None:

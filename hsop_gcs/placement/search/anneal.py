@@ -8,9 +8,9 @@ import math
 
 import numpy as np
 
+from hsop_gcs.geometry.compiled import kernel, lean_kernel
 from hsop_gcs.placement.search.chance import State as Chance
 from hsop_gcs.placement.search.chance import below, uniform
-from hsop_gcs.placement.search.compiled import kernel, lean_kernel
 from hsop_gcs.placement.search.model import Ints, Question
 from hsop_gcs.placement.search.moves import jump, mend, try_camera, try_pose, try_regroup, try_rig
 from hsop_gcs.placement.search.state import State, copy_state, left_over, set_view, totals

@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 
+from hsop_gcs.geometry.compiled import lean_kernel
 from hsop_gcs.placement.airspace import Airspace, Polygon
-from hsop_gcs.placement.search.compiled import lean_kernel
 from hsop_gcs.placement.search.frame import GRID_M, Floats, Frame
 
 STRICTER_M = 4 * GRID_M

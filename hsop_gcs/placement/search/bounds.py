@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 
 import numpy as np
 
-from hsop_gcs.placement.search.compiled import kernel, lean_kernel
+from hsop_gcs.geometry.compiled import kernel, lean_kernel
 from hsop_gcs.placement.search.model import (
     CENTRAL,
     Floats,

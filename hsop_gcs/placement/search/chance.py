@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from hsop_gcs.placement.search.compiled import lean_kernel
+from hsop_gcs.geometry.compiled import lean_kernel
 
 State = npt.NDArray[np.uint64]
 """One number, advanced by every draw."""

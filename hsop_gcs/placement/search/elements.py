@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
+from hsop_gcs.geometry.compiled import kernel
 from hsop_gcs.placement.search.areas import STRICTER_M, fence_room, keep_out_room
-from hsop_gcs.placement.search.compiled import kernel
 from hsop_gcs.placement.search.model import (
     CENTRAL,
     Floats,

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from hsop_gcs.geometry.compiled import lean_kernel
 from hsop_gcs.placement.search.areas import trespass
-from hsop_gcs.placement.search.compiled import lean_kernel
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]

@@ -2,10 +2,10 @@
 
 import math
 
+from hsop_gcs.geometry.compiled import lean_kernel
 from hsop_gcs.placement.search.areas import back_inside
 from hsop_gcs.placement.search.chance import State as Chance
 from hsop_gcs.placement.search.chance import bell, below, uniform
-from hsop_gcs.placement.search.compiled import lean_kernel
 from hsop_gcs.placement.search.model import Floats, Ints, Question, crowding, path_offset
 from hsop_gcs.placement.search.state import (
     State,

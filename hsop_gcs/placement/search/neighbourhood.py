@@ -9,10 +9,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hsop_gcs.geometry.compiled import kernel
 from hsop_gcs.placement.search.anneal import anneal, scatter
 from hsop_gcs.placement.search.chance import State as Chance
 from hsop_gcs.placement.search.chance import below, uniform
-from hsop_gcs.placement.search.compiled import kernel
 from hsop_gcs.placement.search.model import Ints, Question, edge_energy
 from hsop_gcs.placement.search.moves import jump, keep_clear
 from hsop_gcs.placement.search.parts import Part, groups, put_together, question_about

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from hsop_gcs.placement.search.compiled import kernel
+from hsop_gcs.geometry.compiled import kernel
 from hsop_gcs.placement.search.elements import COST, element, keeps_aim, list_elements, poses_of
 from hsop_gcs.placement.search.model import PERIPHERAL, Floats, Ints, Question
 from hsop_gcs.placement.search.state import State, refresh, totals

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hsop_gcs.geometry.compiled import kernel, lean_kernel
 from hsop_gcs.placement.search.chance import State as Chance
 from hsop_gcs.placement.search.chance import bell, below, uniform
-from hsop_gcs.placement.search.compiled import kernel, lean_kernel
 from hsop_gcs.placement.search.model import (
     CENTRAL,
     PERIPHERAL,
@@ -27,7 +27,7 @@ from hsop_gcs.placement.search.model import (
     relative_size,
     threat_cost,
 )
-from hsop_gcs.placement.search.moves import accepted, push_out
+from hsop_gcs.placement.search.moves import accepted, push_out, turn_towards
 from hsop_gcs.placement.search.state import State, refresh, set_view
 
 VIEW = 8
@@ -190,7 +190,7 @@ def propose(q: Question, s: State, aims: Ints, pairs: Ints, host: int, reach_m: 
         if uniform(chance) < 0.4:
             aims[host, 1] = below(chance, threats)
     elif 0.84 <= kind < 0.88:
-        turn(q, s, host, below(chance, threats), uniform(chance))
+        turn_towards(q, s, host, below(chance, threats), uniform(chance))
     elif kind >= 0.88:
         threat, k = below(chance, threats), below(chance, 2)
         distance = q.safety_m * (1 + 0.6 * uniform(chance) ** 3)
@@ -202,7 +202,7 @@ def propose(q: Question, s: State, aims: Ints, pairs: Ints, host: int, reach_m: 
             angle = math.atan2(x, y) + (0.5 if uniform(chance) < 0.5 else -0.5) * math.pi + 0.3 * bell(chance)
         s.positions[host, 0] = q.points_m[threat, k, 0] + distance * math.sin(angle)
         s.positions[host, 1] = q.points_m[threat, k, 1] + distance * math.cos(angle)
-        turn(q, s, host, threat if uniform(chance) < 0.5 else below(chance, threats), uniform(chance))
+        turn_towards(q, s, host, threat if uniform(chance) < 0.5 else below(chance, threats), uniform(chance))
         aims[host, 0] = aims[host, 1] = threat
     radius = q.safety_m * (1 + STRICTER)
     for _ in range(2):
@@ -215,16 +215,6 @@ def propose(q: Question, s: State, aims: Ints, pairs: Ints, host: int, reach_m: 
                     moved |= push_out(s, host, x, y, 0.0, radius)
         if not moved:
             break
-
-
-@lean_kernel
-def turn(q: Question, s: State, host: int, threat: int, share: float) -> None:
-    """Point the fisheye axis at a point of a threat's path."""
-    x = q.points_m[threat, 0, 0] * (1 - share) + q.points_m[threat, 1, 0] * share - s.positions[host, 0]
-    y = q.points_m[threat, 0, 1] * (1 - share) + q.points_m[threat, 1, 1] * share - s.positions[host, 1]
-    d = math.sqrt(x * x + y * y)
-    if d > 1e-9:
-        s.axes[host, 0], s.axes[host, 1] = x / d, y / d
 
 
 @kernel

@@ -141,7 +141,10 @@ def frontier(
                 break
         costs = {count: course.pool.cost for count, course in sorted(courses.by_number.items())}
         own = own_bounds(q, executor, thorough=thorough_bound and now() < deadline)
-        bounds = _bounds(q, own, costs, executor, deadline if thorough_bound else -math.inf, now)
+        if thorough_bound:
+            bounds = _bounds(q, own, costs, executor, deadline, now)
+        else:
+            bounds = dict.fromkeys(costs, float(own.sum()))
         least_costly = Wanted(problem, frame, q, None, seed=seed, executor=executor)
     found = {count: least_costly.best(courses.course(count)) for count in sorted(courses.by_number)}
     return {

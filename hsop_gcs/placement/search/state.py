@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hsop_gcs.placement.search.compiled import kernel, lean_kernel
+from hsop_gcs.geometry.compiled import kernel, lean_kernel
 from hsop_gcs.placement.search.model import Floats, Ints, Question, crowding, edge_energy, host_violation
 
 Pose = tuple[float, float, float, float, float]
