@@ -44,6 +44,8 @@ class Report:
     """Standard deviation of the velocity, each axis."""
     covariance_m2: Matrix3 | None = None
     """Of the position, where the source knows all of it (cameras do); stands in for ``sigma_m``."""
+    common_m2: Matrix3 | None = None
+    """The part of ``covariance_m2`` that the next reports have in common with this one: they do not better it."""
     track_id: str | None = None
     """Our own name for the threat, from a source that knows it (our cameras do)."""
 

@@ -343,6 +343,7 @@ def _report(fix: Fix, time_s: float, *, track_id: str | None) -> Report:
         time_s=time_s,
         position_m=(east, north, up),
         covariance_m2=_matrix(fix.covariance_m2),
+        common_m2=_matrix(fix.common_m2),
         track_id=track_id,
     )
 

@@ -23,6 +23,8 @@ class Fix:
     """(3,)"""
     covariance_m2: FloatArray
     """(3, 3)"""
+    common_m2: FloatArray
+    """(3, 3), the part of it that stays from one fix to the next: hosts err slowly about where they are."""
     ranges_m: FloatArray
     """(rays,), from each ray's origin."""
     misfit: float
@@ -68,7 +70,8 @@ def fix_of(rays: Sequence[Ray], time_s: float, belief: Belief, rules: DetectionR
     reach = position - origins
     depth = (reach * widened.directions[0]).sum(axis=1)
     misses = (widened.whiteners[0] @ reach[:, :, None])[:, :, 0] / depth[:, None]
-    fix = Fix(position, spread, np.linalg.norm(reach, axis=1), float(np.square(misses).sum()))
+    common = _common(widened, origins, position, spread, rules)
+    fix = Fix(position, spread, common, np.linalg.norm(reach, axis=1), float(np.square(misses).sum()))
     if fix.misfit > threshold(2 * len(rays) - 3, rules.misfit_probability):
         return None
     if fix.sigma_m > rules.widest_share * fix.ranges_m.min():
@@ -78,7 +81,17 @@ def fix_of(rays: Sequence[Ray], time_s: float, belief: Belief, rules: DetectionR
     likeliest = _between(widened, origins, np.array(belief.position_m), belief.sigma_m)
     widened = _rays(rays, blur_m / np.linalg.norm(likeliest - origins, axis=1))
     spread = covariance(origins, widened, likeliest)[0]
-    return replace(fix, covariance_m2=spread) if np.isfinite(spread).all() else fix
+    if not np.isfinite(spread).all():
+        return fix
+    return replace(fix, covariance_m2=spread, common_m2=_common(widened, origins, likeliest, spread, rules))
+
+
+def _common(rays: Rays, origins: FloatArray, at_m: FloatArray, spread: FloatArray, rules: DetectionRules) -> FloatArray:
+    """Return how the hosts' own positions spread a fix of covariance ``spread`` at ``at_m``, (3, 3)."""
+    depth = ((at_m - origins) * rays.directions[0]).sum(axis=1)
+    rows = (rays.whiteners[0] / depth[:, None, None]).reshape(-1, 3)
+    share = rules.host_sigma_m**2 * np.square(rows).sum(axis=1)
+    return np.asarray(spread @ (rows.T * share) @ rows @ spread)
 
 
 def _between(rays: Rays, origins: FloatArray, believed_m: FloatArray, sigma_m: float) -> FloatArray:

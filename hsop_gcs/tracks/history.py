@@ -145,7 +145,10 @@ class Log:
             bearings = list(seen.values())
             times_s = [each.time_s for each in bearings]
             mean, covariance = predicted([self.state(at[index]) for index in seen], times_s, rules)
+            common = self.steps.rows[[at[index] for index in seen], kernels.CARRIED :].reshape(-1, 3, 3)
+            covariance[:, :3, :3] -= common
             means, covariances = update(mean, covariance, bearings, gate(bearings[0], rules))
+            covariances[:, :3, :3] += common
             for number, (index, bearing) in enumerate(seen.items()):
                 state = State(times_s[number], means[number], covariances[number])
                 after[index] = self.add(at[index], bearing, rows[index], state)
@@ -157,6 +160,7 @@ class Log:
         steps = self.steps
         steps.times_s[at], steps.means[at], steps.covariances[at] = state
         steps.rows[at], steps.before[at] = row, before
+        steps.rows[at, kernels.CARRIED :] = steps.rows[before, kernels.CARRIED :] if before >= 0 else 0.0
         self.measurements.append(measurement)
         return at
 

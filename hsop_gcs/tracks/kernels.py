@@ -19,9 +19,10 @@ TIME, DIMENSIONS, GATE, SIGMA, VARIANCE, MEASURED, VELOCITY_SIGMA, VELOCITY_VARI
 """Where a measurement's row has its time; how many numbers count: 3 (position), 6 (velocity too) or 0 (a bearing); its
 gate; the position's standard deviation, 0 if its covariance is given, and its square; position then velocity; the
 velocity's standard deviation and its square."""
-SIZE, NAMED, CONFIRMS, HINT, COVARIANCE, ROW = 13, 14, 15, 16, 17, 26
+SIZE, NAMED, CONFIRMS, HINT, COVARIANCE, COMMON, CARRIED, ROW = 13, 14, 15, 16, 17, 26, 35, 44
 """And the threat's size or 0; whether it bears a name; whether it confirms a track at once; one more than the row of
-the track that its name stands for, or 0; the position's covariance, row by row, if given; and how long a row is."""
+the track that its name stands for, or 0; the position's covariance, row by row, if given; what of it is common to the
+next reports, or 0; that part of the step's covariance, of this report or an earlier one; and how long a row is."""
 NEWEST, STATUS, VELOCITY_KNOWN, SIZE_M, REPORTS, FIRST_SEEN, FACTS = 0, 1, 2, 3, 4, 5, 6
 """Where a track's facts have its newest step, its status and what ``Track`` says of it; and how many they are."""
 PSD, SCAN, COASTS_AFTER, TIMEOUT, TENTATIVE_TIMEOUT, KNOWN_VARIANCE, HITS, SLOTS, SLOT = range(9)
@@ -110,6 +111,14 @@ def copy(row: FloatArray, to: FloatArray) -> None:
 
 
 @kernel
+def _carry(row: FloatArray, before: FloatArray, to: FloatArray) -> None:
+    """Write into a step's row what its covariance has in common with the next ones; before: its predecessor's row."""
+    given = row[SIGMA] == 0 and row[COMMON] > 0
+    for i in range(9):
+        to[CARRIED + i] = row[COMMON + i] if given else before[CARRIED + i]
+
+
+@kernel
 def _begin(row: FloatArray, rules: FloatArray, mean: FloatArray, covariance: FloatArray) -> None:
     """Fill mean and covariance with what one report alone says.
 
@@ -144,23 +153,31 @@ def correct(
     """Add, from step ``end`` on, those that follow steps ``at`` (n,) by the measurements ``seen`` (n, ROW).
 
     After -1 a track begins. False, and nothing is done, if one of them is a bearing or older than its step. Joseph
-    form. As in ``filter.correct``, covariances are doubled until the measurement lies in the gate.
+    form. As in ``filter.correct``, covariances are doubled until the measurement lies in the gate. What reports have in
+    common with each other no number of them betters: it is left out of the filtering, and stays in every covariance
+    (Schmidt's filter, for an error that lasts longer than the filter remembers).
     """
     for n in range(len(at)):
         if seen[n, DIMENSIONS] == 0 or (at[n] >= 0 and seen[n, TIME] < times_s[at[n]]):
             return False
     m, p, root, white = np.empty(6), np.empty((6, 6)), np.zeros((6, 6)), np.empty(6)
     gain, kept, half, noise = np.empty((6, 6)), np.empty((6, 6)), np.empty((6, 6)), np.zeros((6, 6))
+    nothing = np.zeros(ROW)
     for n in range(len(at)):
         row, new = seen[n], end + n
         times_s[new], before[new] = row[TIME], at[n]
         copy(row, rows[new])
+        known = nothing if at[n] < 0 else rows[at[n]]
+        _carry(row, known, rows[new])
         if at[n] < 0:
             _begin(row, rules, means[new], covariances[new])
             continue
         d = int(row[DIMENSIONS])
         _spread(row, noise)
         _predict(means[at[n]], covariances[at[n]], row[TIME] - times_s[at[n]], rules[PSD], len(m), m, p)
+        for i in range(3):
+            for j in range(3):
+                p[i, j] -= known[CARRIED + 3 * i + j]
         scale = 1.0
         _factor(p, noise, d, scale, root)
         while _squared(m, row, d, root, white) > row[GATE]:
@@ -194,6 +211,9 @@ def correct(
                 for k in range(d):
                     total += kept[i, k] * p[k, j]
                 half[i, j] = total + p[i, j] if i >= d else total
+        for i in range(3):
+            for j in range(3):
+                noise[i, j] -= row[COMMON + 3 * i + j]
         for i in range(6):
             for j in range(i + 1):
                 total = 0.0
@@ -204,6 +224,8 @@ def correct(
                 for a in range(d):
                     for b in range(d):
                         total += gain[i, a] * noise[a, b] * gain[j, b]
+                if i < 3:
+                    total += rows[new, CARRIED + 3 * i + j]
                 covariances[new, i, j] = total
                 covariances[new, j, i] = total
     return True

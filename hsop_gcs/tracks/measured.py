@@ -73,7 +73,9 @@ def rows_of(measurements: Sequence[Measurement], rules: TrackRules) -> FloatArra
         if each.covariance_m2 is not None:
             covariance_m2 = [number for row in each.covariance_m2 for number in row]
             rows[index, kernels.SIGMA] = 0.0
-            rows[index, kernels.COVARIANCE :] = covariance_m2 if len(covariance_m2) == 9 else math.nan
+            rows[index, kernels.COVARIANCE : kernels.COMMON] = covariance_m2 if len(covariance_m2) == 9 else math.nan
+            if each.common_m2 is not None:
+                rows[index, kernels.COMMON : kernels.CARRIED] = np.ravel(each.common_m2)
     return rows
 
 

@@ -11,6 +11,7 @@ from hsop_gcs.cameras.rig import CameraRig
 from hsop_gcs.detections import Detection, DetectionRules, Pose, PoseHistory, Verdict, Watch, assimilate, rays_of
 from hsop_gcs.geometry.frames import aim_at
 from hsop_gcs.reports import Report, ReportRules, Vector3
+from hsop_gcs.simulator.disturbances import GpsError, Receiver
 from hsop_gcs.simulator.eyes import Viewer, look
 from hsop_gcs.simulator.truth import TrueState
 from hsop_gcs.tracks import Picture, Track, TrackRules, update
@@ -57,7 +58,7 @@ class Flight:
 
 @dataclass(kw_only=True)
 class Loop:
-    """Steps at 5 Hz: threats fly, hosts sway and misjudge where they are, gimbals follow, cameras see, tracks learn."""
+    """Steps at 5 Hz: threats fly, hosts sway and misplace themselves, gimbals follow, cameras see, tracks learn."""
 
     flights: Sequence[Flight]
     hovers: Sequence[Hover]
@@ -75,6 +76,8 @@ class Loop:
         self.rng = np.random.default_rng(self.seed)
         self.poses: dict[str, PoseHistory] = {hover.host: PoseHistory() for hover in self.hovers}
         self.last: list[tuple[Detection, Verdict]] = []
+        error = GpsError(noise_m=self.rules.host_sigma_m)
+        self.receivers = {hover.host: Receiver(error, self.rng) for hover in self.hovers}
 
     def report(self, sigma_m: float, *, velocity: bool = True) -> None:
         """A radar reports all threats."""
@@ -147,7 +150,9 @@ class Loop:
 
     def _hear(self, viewer: Viewer, time_s: float) -> None:
         pose = viewer.pose
-        x, y, z = (np.array(pose.position_m) + self.rules.host_sigma_m * self.rng.standard_normal(3)).tolist()
+        receiver = self.receivers[viewer.host]
+        receiver.step(PERIOD_S)
+        x, y, z = (np.array(pose.position_m) + np.array(receiver.error_m)).tolist()
         history = self.poses[viewer.host]
         history = history.with_position(time_s, (x, y, z)).with_attitude(
             time_s, heading_deg=pose.heading_deg, roll_deg=pose.roll_deg, pitch_deg=pose.pitch_deg

@@ -26,8 +26,9 @@ LOST_M = 10.0
 _SURELY_ELSEWHERE = float(chi2.ppf(1 - 1e-6, 3))
 STEP_S = 0.1
 PSD_M2PS3 = 0.05
-CALMS_IN_S = 1.5
-"""Gusts push threats off their straight ways as the tracker assumes, and they come back to their speed in this time."""
+CALMS_IN_S = 6.0
+"""Gusts push threats off their straight ways as the tracker assumes, and they come back to their speed in this time,
+which is long beside the tracker's memory."""
 PERIOD_S = 0.2
 LAGS = 25
 """Over which samples of one visit are taken to hang together."""

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from hsop_gcs.reports import Bearing, Measurement, Report
+from hsop_gcs.reports import Bearing, Matrix3, Measurement, Report
 from hsop_gcs.tracks.filter import FloatArray, State, innovate, predict
-from tests.tracks.world import RULES, T0_S, advance, bearing, first_state, off_by, report, vector, wandering
+from tests.tracks.world import RULES, T0_S, advance, after, bearing, first_state, off_by, report, vector, wandering
 
 GOLDEN = Path(__file__).parents[1] / "data" / "tracks" / "kalman.json"
 METRE = 1.0
+NOISE_M = 0.1
+COMMON_M2 = 0.1**2 * np.diag([1.0, 2.0, 3.0])
 CAMERAS_M = np.array([[-60.0, 0.0, 40.0], [60.0, -20.0, 45.0]])
 
 
@@ -174,3 +176,49 @@ def test_errors_are_as_large_as_the_covariance_says(source: Source) -> None:
     mean = squared[:, 5:].mean(axis=0)
     assert np.mean((mean > low) & (mean < high)) >= 0.85
     assert mean.mean() == pytest.approx(6.0, abs=0.4)
+
+
+def misplaced_fixes(
+    truth: FloatArray, common_m2: FloatArray, rng: np.random.Generator, *, said: bool = True
+) -> list[Report]:
+    """Fixes five times a second that are all off by the same, of covariance ``common_m2``, and by some noise each."""
+    covariance_m2 = matrix(common_m2 + NOISE_M**2 * np.eye(3))
+    return [
+        report(0.2 * step, *place_m, covariance_m2=covariance_m2, common_m2=matrix(common_m2) if said else None)
+        for step, place_m in enumerate(
+            truth[:, :3] + rng.multivariate_normal(np.zeros(3), common_m2) + rng.normal(0.0, NOISE_M, (len(truth), 3))
+        )
+    ]
+
+
+def matrix(values: FloatArray) -> Matrix3:
+    first, second, third = (vector(row) for row in values)
+    return (first, second, third)
+
+
+@pytest.mark.parametrize("said", [True, False])
+def test_an_error_that_fixes_have_in_common_is_in_the_covariance_if_it_is_said(said: bool) -> None:
+    rng = np.random.default_rng(5)
+    rules = replace(RULES, acceleration_psd_m2ps3=0.05)
+    squared = []
+    for _ in range(60):
+        truth = wandering(rng, np.array([0.0, 50.0, 40.0, 2.0, 0.0, 0.0]), 50, 0.2, rules.acceleration_psd_m2ps3)
+        seen = misplaced_fixes(truth, COMMON_M2, rng, said=said)
+        track = after(*seen, rules=rules).tracks["t1"]
+        error = truth[-1] - track.state.mean
+        squared.append(error @ np.linalg.solve(track.covariance, error))
+    low, high = (float(chi2.ppf(tail, 6 * len(squared))) / len(squared) for tail in (0.025, 0.975))
+    assert bool(low < np.mean(squared) < high) is said
+
+
+def test_neither_a_bearing_nor_another_source_betters_what_fixes_have_in_common() -> None:
+    truth = np.tile([0.0, 50.0, 40.0, 0.0, 0.0, 0.0], (50, 1))
+    seen: list[Measurement] = [*misplaced_fixes(truth, COMMON_M2, np.random.default_rng(6))]
+    for number in range(50):
+        time_s = 10.0 + 0.1 * number
+        seen += [
+            bearing(time_s, (0.0, 0.0, 40.0), (0.0, 50.0, 40.0), 1e-4, track_id="t1"),
+            report(time_s + 0.05, 0.0, 50.0, sigma_m=RULES.min_sigma_m),
+        ]
+    covariance = after(*seen).tracks["t1"].covariance
+    assert np.linalg.eigvalsh(covariance[:3, :3] - COMMON_M2).min() > 0

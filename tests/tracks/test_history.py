@@ -32,6 +32,24 @@ def test_any_order_within_the_lag_ends_in_the_same_track_to_the_bit(order: list[
     assert (watch.accepted, watch.out_of_order) == (len(REPORTS), late)
 
 
+@given(st.permutations(range(8)))
+@settings(max_examples=20, deadline=None)
+def test_what_fixes_have_in_common_does_not_hang_on_the_order_either(order: list[int]) -> None:
+    vague, sure, common, less = (((v, 0.0, 0.0), (0.0, v, 0.0), (0.0, 0.0, v)) for v in (0.09, 0.04, 0.03, 0.01))
+    seen: list[Measurement] = [
+        report(0.0, 0.0, 60.0),
+        report(0.3, 0.1, 60.0, covariance_m2=vague, common_m2=common),
+        bearing(0.6, (0, 0, 0), (0, 60, 40), 0.01, track_id="t1"),
+        report(0.9, 0.2, 60.0),
+        report(1.2, 0.0, 60.1, covariance_m2=sure),
+        report(1.5, 0.0, 60.0, covariance_m2=sure, common_m2=less),
+        bearing(1.8, (0, 0, 0), (0, 60, 40), 0.01, track_id="t1"),
+        report(2.1, 0.0, 60.0, sigma_m=1.0),
+    ]
+    late = after(seen[0], *(seen[number] for number in order if number))
+    assert late.tracks["t1"].state == after(*seen).tracks["t1"].state
+
+
 def test_a_late_bearing_is_replayed_too() -> None:
     seen: list[Measurement] = [
         report(0, 0, 60),
