@@ -1,6 +1,8 @@
 """The closed loop on 20 seeded scenarios, in virtual time: errors, NEES, lost and swapped tracks beside their limits.
 
-python -m tests.bench.bench_loop [FIRST LAST [SECONDS]]
+python -m tests.bench.bench_loop [FIRST LAST [SECONDS [HOSTS_PER_THREAT]]]
+
+With one host a threat, hosts are shared, and some see their threats through their fisheyes.
 """
 
 import sys
@@ -16,8 +18,9 @@ DURATION_S = 120.0
 WORKERS = 2
 
 
-def _fly(job: tuple[int, float]) -> Score:
-    return fly_seed(*job)
+def _fly(job: tuple[int, float, int]) -> Score:
+    seed, duration_s, hosts_per_threat = job
+    return fly_seed(seed, duration_s, hosts_per_threat=hosts_per_threat)
 
 
 def _line(seed: int, score: Score) -> str:
@@ -63,11 +66,13 @@ def _summary(scores: list[Score]) -> list[str]:
 
 def main() -> None:
     first, last = (int(text) for text in sys.argv[1:3]) if len(sys.argv) >= 3 else (0, SEEDS - 1)
-    duration_s = float(sys.argv[3]) if len(sys.argv) == 4 else DURATION_S
+    duration_s = float(sys.argv[3]) if len(sys.argv) >= 4 else DURATION_S
+    hosts_per_threat = int(sys.argv[4]) if len(sys.argv) == 5 else 2
     seeds = range(first, last + 1)
     scores = []
     with ProcessPoolExecutor(WORKERS, mp_context=get_context("spawn")) as pool:
-        for seed, score in zip(seeds, pool.map(_fly, [(seed, duration_s) for seed in seeds]), strict=True):
+        jobs = [(seed, duration_s, hosts_per_threat) for seed in seeds]
+        for seed, score in zip(seeds, pool.map(_fly, jobs), strict=True):
             scores.append(score)
             sys.stdout.write(_line(seed, score) + "\n")
             sys.stdout.flush()

@@ -154,16 +154,16 @@ def _lasting(since_s: dict[str, float], name: str, now: bool, time_s: float) -> 
     return time_s - since_s.setdefault(name, time_s)
 
 
-def fly_seed(seed: int, duration_s: float, *, rounds: int = 2) -> Score:
-    """Fly one mission with 2 to 4 threats and as many hosts as a plan can use, which misplace themselves slowly by as
-    much as the service assumes."""
+def fly_seed(seed: int, duration_s: float, *, rounds: int = 2, hosts_per_threat: int = 2) -> Score:
+    """Fly one mission with 2 to 4 threats and, unless told otherwise, as many hosts as a plan can use, which misplace
+    themselves slowly by as much as the service assumes."""
     rng = np.random.default_rng([seed, 0])
     count = 2 + seed % 3
     score = Score(threats=count)
     rules = Rules(autonomy=Autonomy.AUTO, tracks=TrackRules(acceleration_psd_m2ps3=PSD_M2PS3))
     truth = wandering(rng, count, duration_s)
     gps = GpsError(noise_m=rules.detections.host_sigma_m)
-    flight = Flight(truth=truth, hosts=2 * count, duration_s=duration_s, seed=seed, rules=rules, gps=gps)
+    flight = Flight(truth=truth, hosts=hosts_per_threat * count, duration_s=duration_s, seed=seed, rules=rules, gps=gps)
     fly(flight, score.watch, decide_in_rounds(rounds))
     return score
 
