@@ -219,12 +219,16 @@ def situation(
 ) -> Situation:
     """Return what a decision made now depends on: the threats worth planning for, the hosts and the flying plan."""
     tracks = ready(mission.picture.tracks.values(), now_s, mission.rules.replanning)
-    flying = mission.plans.flying
+    flying, psd_m2ps3 = mission.plans.flying, mission.rules.tracks.acceleration_psd_m2ps3
     return Situation(
         now_s=now_s,
         threats=tuple(threat_of(track, now_s) for track in tracks),
         sigmas=tuple(
-            Sigma(position_m=track.sigma_m, velocity_mps=track.velocity_sigma_mps if track.velocity_known else 0.0)
+            Sigma(
+                position_m=track.sigma_m,
+                velocity_mps=track.velocity_sigma_mps if track.velocity_known else 0.0,
+                acceleration_psd_m2ps3=psd_m2ps3,
+            )
             for track in tracks
         ),
         movers=movers,

@@ -71,14 +71,16 @@ class PlanningRules:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sigma:
-    """Standard deviations of a threat's position and velocity, each axis."""
+    """Standard deviations of a threat's position and velocity, each axis, and how its velocity wanders."""
 
     position_m: float
     velocity_mps: float
+    acceleration_psd_m2ps3: float = 0.0
 
     def after(self, time_s: float) -> float:
         """Return the position's so much later, metres."""
-        return math.hypot(self.position_m, self.velocity_mps * time_s)
+        wandered_m = math.sqrt(self.acceleration_psd_m2ps3 * abs(time_s) ** 3 / 3)
+        return math.hypot(self.position_m, self.velocity_mps * time_s, wandered_m)
 
 
 _SURE = Sigma(position_m=0.0, velocity_mps=0.0)

@@ -160,7 +160,8 @@ def _departed(plan: Plan, track: Track, now_s: float, rules: ReplanRules) -> str
     moments = [(now_s, "is")]
     if now_s > plan.made_at_s + _TRUSTED_S:
         moments += [(max(now_s, plan.decision.window_start_s), "will be"), (plan.expires_at_s, "will be")]
-    before, now = plan.sigmas[track.id], Sigma(position_m=track.sigma_m, velocity_mps=track.velocity_sigma_mps)
+    before = plan.sigmas[track.id]
+    now = replace(before, position_m=track.sigma_m, velocity_mps=track.velocity_sigma_mps)
     is_known = now.position_m < rules.departure_m
     for at_s, verb in moments:
         predicted_m = planned.predicted_m(at_s - plan.decision.window_start_s)

@@ -26,7 +26,7 @@ LOST_M = 10.0
 _SURELY_ELSEWHERE = float(chi2.ppf(1 - 1e-6, 3))
 STEP_S = 0.1
 PSD_M2PS3 = 0.05
-CALMS_IN_S = 6.0
+CALMS_IN_S = 3.0
 """Gusts push threats off their straight ways as the tracker assumes, and they come back to their speed in this time,
 which is long beside the tracker's memory."""
 PERIOD_S = 0.2
