@@ -197,7 +197,9 @@ def _decide_for(
     from hsop_gcs.placement.search.nearer import nearer
 
     climb = max((mover.speed_mps / mover.climb_mps for mover in situation.movers), default=1.0)
-    turned = nearer(problem, placement, tolerance=rules.keep_margin, climb=climb)
+    # what was placed for threats that were hardly known is not worth mending
+    flying = situation.flying if margin_m(rules, situation.sigmas) <= rules.safety_margin_m else None
+    turned = nearer(problem, placement, tolerance=rules.keep_margin, climb=climb, flying=flying)
     if turned is None or not _about_as_good(turned, placement, rules):
         return decision
     sooner = _ordered(decision, turned, problem, situation, rules)

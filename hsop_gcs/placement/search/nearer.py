@@ -1,36 +1,46 @@
 """Nearer: among placements of about the same cost, one that its hosts are sooner at.
 
 What a threat costs hardly depends on the side and the altitude from which its hosts look at it, and the search does not
-ask where they come from. So what it found is turned, part by part, around the threats that each part sees, and hosts
-keep of their altitude what they can.
+ask where they come from. So what it found is turned, part by part, around the threats that each part sees, hosts stay
+short of hover points that are far, and the placement that flies is mended as an alternative.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import chain
+from itertools import chain, product
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from hsop_gcs.placement.answer import PROVEN_GAP
 from hsop_gcs.placement.problem import Problem
+from hsop_gcs.placement.search.anneal import anneal
+from hsop_gcs.placement.search.chance import seeded
 from hsop_gcs.placement.search.model import Floats, Ints, Question
 from hsop_gcs.placement.search.moves import mend
+from hsop_gcs.placement.search.neighbourhood import MENDING_STIFFNESS
 from hsop_gcs.placement.search.question import frame_of, placement_of, question_of, state_of
 from hsop_gcs.placement.search.state import State, copied, copy_state, totals
 from hsop_gcs.placement.solution import Placement, Status
 
 _TURNS = 48
 _SWEEPS = 3
-_HEIGHTS = (0.0, 0.25, 0.5, 0.75)
-"""How much of a climb or a descent is tried."""
+_SHARES = (0.0, 0.25, 0.5, 0.75)
+"""How much of a way, or of its climb, is tried."""
+_CLIMB, _WAY = slice(2, 3), slice(0, 3)
+_REACHES_M = (2.0, 5.0, 10.0, 20.0)
+"""How far hosts of an earlier placement are moved at first."""
+_MOVES_PER_HOST = 1000
+_WARM, _COLD = 0.03, 2e-3
 
 
-def nearer(problem: Problem, placement: Placement, *, tolerance: float, climb: float) -> Placement | None:
+def nearer(
+    problem: Problem, placement: Placement, *, tolerance: float, climb: float, flying: Placement | None = None
+) -> Placement | None:
     """Return the placement with parts of it turned and lifted, for shorter ways from where the problem's hosts are.
 
     tolerance: the share by which it may cost more. climb: how many metres a host flies in the time in which it climbs
-    one. None: nothing was gained.
+    one. flying: the earlier placement at which hosts are, or to which they are on their way. None: nothing was gained.
     """
     if not problem.hosts:
         return None
@@ -44,10 +54,11 @@ def nearer(problem: Problem, placement: Placement, *, tolerance: float, climb: f
     )
     most = (1 + tolerance) * totals(q, state)[0]
     before = least = homes.ways(state)
-    for _ in range(_SWEEPS):
+    mended = () if flying is None else _mended(q, state_of(problem, frame, q, flying, len(placement.hosts)))
+    for sweep in range(_SWEEPS):
         swept = least
         # the state moves on meanwhile, and what is tried next with it
-        for tried in chain(_turned(q, state), _lifted(q, state, homes)):
+        for tried in chain(mended if sweep == 0 else (), _turned(q, state), _shortened(q, state, homes)):
             if _is_good(q, tried, most) and (ways := homes.ways(tried)) < least:
                 least = ways
                 copy_state(tried, state)
@@ -81,10 +92,10 @@ class _Homes:
         ways_m, chosen = self._shared(state)
         return float(ways_m[chosen].max()), float(ways_m[chosen].sum())
 
-    def altitudes_m(self, state: State) -> Floats:
-        """The present altitude of who takes each hover point."""
+    def of(self, state: State) -> Floats:
+        """Where the host comes from that takes each hover point, (hosts, 3)."""
         _, (_, takers) = self._shared(state)
-        return np.asarray(self.places_m[takers, 2])
+        return np.asarray(self.places_m[takers])
 
     def _shared(self, state: State) -> tuple[Floats, tuple[Ints, Ints]]:
         apart_m = state.positions[:, None] - self.places_m[None]
@@ -107,14 +118,25 @@ def _turned(q: Question, state: State) -> Iterator[State]:
             yield tried
 
 
-def _lifted(q: Question, state: State, homes: _Homes) -> Iterator[State]:
-    """Copies with one host at an altitude nearer to its present one."""
-    for host, now_m in enumerate(homes.altitudes_m(state)):
-        for share in _HEIGHTS:
+def _shortened(q: Question, state: State, homes: _Homes) -> Iterator[State]:
+    """Copies with one host only part of the way, or of the climb, to its hover point."""
+    for host, home_m in enumerate(homes.of(state)):
+        for axes, share in product((_CLIMB, _WAY), _SHARES):
             tried = copied(state)
-            up_m = now_m + share * (state.positions[host, 2] - now_m)
-            tried.positions[host, 2] = np.clip(up_m, q.floor_m, q.ceiling_m)
+            tried.positions[host, axes] = home_m[axes] + share * (state.positions[host, axes] - home_m[axes])
+            tried.positions[host, 2] = np.clip(tried.positions[host, 2], q.floor_m, q.ceiling_m)
             yield tried
+
+
+def _mended(q: Question, state: State) -> Iterator[State]:
+    """Copies of an earlier placement, brought to keep the rules of now by small moves of all its hosts."""
+    hosts, threats = np.arange(len(state.degree)), np.arange(len(state.pairs))
+    mend(q, state)
+    for attempt, reach_m in enumerate(_REACHES_M):
+        trial, best = copied(state), copied(state)
+        moves, chance = _MOVES_PER_HOST * len(hosts), seeded(0, len(hosts), attempt, 0)
+        anneal(q, trial, best, hosts, threats, moves, _WARM, _COLD, reach_m, MENDING_STIFFNESS, chance)
+        yield best
 
 
 def _parts(state: State) -> Iterator[tuple[list[int], list[int]]]:

@@ -1,6 +1,7 @@
 """Nearer placements: sooner reached, hardly dearer, and still plans that keep every rule."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -76,13 +77,32 @@ def test_where_climbing_takes_long_hosts_keep_their_altitude_where_they_can() ->
         assert climbs_m[1] < climbs_m[0]
 
 
+def flown_to(problem: Problem, placement: Placement) -> Problem:
+    """The problem when its hosts are where a placement wants them."""
+    there = tuple(AvailableHost(id=pose.host, position_m=pose.position_m) for pose in placement.hosts)
+    return replace(problem, hosts=there)
+
+
 def test_nothing_is_nearer_for_hosts_that_are_there() -> None:
     problem = problem_of(2, seed=0)
     there = searched(problem, 4)
-    at_home = Problem(
-        threats=problem.threats,
-        hosts=tuple(AvailableHost(id=pose.host, position_m=pose.position_m) for pose in there.hosts),
-        airspace=problem.airspace,
-        min_separation_m=problem.min_separation_m,
-    )
-    assert nearer(at_home, there, tolerance=0.2, climb=1.0) is None
+    assert nearer(flown_to(problem, there), there, tolerance=0.2, climb=1.0) is None
+
+
+def test_when_threats_have_moved_a_little_hosts_move_less_if_the_flying_placement_is_mended() -> None:
+    ways_m: dict[bool, float] = {True: 0.0, False: 0.0}
+    for seed in range(8):
+        problem = problem_of(2, seed)
+        flying = searched(problem, 4)
+        moved = tuple(replace(each, position_m=(*each.predicted_m(2.0)[:2], 36.0)) for each in problem.threats)
+        now = flown_to(replace(problem, threats=moved), flying)
+        before = searched(now, 4)
+        for mending in ways_m:
+            after = nearer(now, before, tolerance=0.2, climb=1.0, flying=flying if mending else None) or before
+            assert before.cost is not None
+            assert after.cost is not None
+            assert after.cost <= 1.2 * before.cost * (1 + RULE_TOLERANCE)
+            views = {pair.threat: pair.views for pair in after.pairs}
+            assert margins(now, after.hosts, views).smallest >= -RULE_TOLERANCE
+            ways_m[mending] += longest_m(after, now)
+    assert ways_m[True] < 0.7 * ways_m[False]
