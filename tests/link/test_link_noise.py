@@ -1,6 +1,7 @@
 """Whatever a vehicle says, its machine goes on and what it believes stays sane."""
 
 import math
+import os
 import subprocess
 import sys
 from dataclasses import fields
@@ -105,7 +106,8 @@ def test_no_message_stops_a_vehicle_and_every_order_ends_at_most_once(
 def test_of_thousands_of_spoiled_frames_none_is_fatal_and_every_good_one_between_is_understood() -> None:
     """As datagrams, as a stream and over a signed link, without growth of memory. The bench sends a million."""
     command = [sys.executable, "-m", "tests.bench.bench_noise", "20000", "6"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=150, check=False)
+    env = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=150, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
 
 

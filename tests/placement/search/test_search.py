@@ -9,6 +9,7 @@ import math
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -147,7 +148,7 @@ def test_given_hosts_are_placed_by_name_near_where_they_are() -> None:
 def test_the_same_seed_gives_the_same_placement_in_another_process() -> None:
     here = solve(problem("3-threats-105"), 4, rounds=3, seed=5)
     script = (
-        "import json, math\n"
+        f"import json, math, sys; sys.path.append({str(Path(__file__).parents[3])!r})\n"
         "from hsop_gcs.placement.problem import Formulation\n"
         "from hsop_gcs.placement.scenario import plan_to_json\n"
         "from hsop_gcs.placement.search import search\n"
