@@ -48,7 +48,7 @@ from hsop_gcs.mission.inputs import (
     TimePassed,
     WishLapsed,
 )
-from hsop_gcs.mission.pipeline import Situation
+from hsop_gcs.mission.planning import Situation
 from hsop_gcs.mission.poses import Poses
 from hsop_gcs.mission.records import to_record
 from hsop_gcs.mission.sky import Sky

@@ -42,7 +42,7 @@ from hsop_gcs.mission.inputs import (
     TimePassed,
     WishLapsed,
 )
-from hsop_gcs.mission.pipeline import Sigma, Situation
+from hsop_gcs.mission.planning import Sigma, Situation
 from hsop_gcs.mission.state import (
     Autonomy,
     Plans,

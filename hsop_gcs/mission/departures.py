@@ -17,7 +17,7 @@ from hsop_gcs.errors import Refused
 from hsop_gcs.fleet import Host
 from hsop_gcs.mission.core import MissionState, situation
 from hsop_gcs.mission.gates import ON_THE_GROUND, Closed
-from hsop_gcs.mission.pipeline import flight_rules
+from hsop_gcs.mission.planning import flight_rules
 from hsop_gcs.mission.sky import Sky
 from hsop_gcs.mission.state import Plan
 from hsop_gcs.mission.traffic import unheard_m

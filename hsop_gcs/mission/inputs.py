@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from hsop_gcs.assignment import Departure
 from hsop_gcs.detections import DetectionRules, Ray, Refused
 from hsop_gcs.link.events import Event
-from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation
+from hsop_gcs.mission.planning import Decision, PlanningRules, Situation
 from hsop_gcs.mission.state import Autonomy, ReplanRules
 from hsop_gcs.placement.problem import Point
 from hsop_gcs.reports import Measurement, ReportRules

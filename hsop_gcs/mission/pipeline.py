@@ -1,125 +1,30 @@
 """From threats to orders, on one screen: threats → problem → placement → assignment.
 
-Pure: a ``Situation`` goes in, a ``Decision`` comes out; the solver's clock is an argument. Everything is frozen and
-picklable, because a decision is made in a worker process.
+Pure: a ``Situation`` goes in, a ``Decision`` comes out; the solver's clock is an argument.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from itertools import repeat
-from typing import Literal
 
 import numpy as np
 
-from hsop_gcs.assignment import Flight, FlightRules, HostOrder, Mover, NoSafeFlight, flight_s, order_for, orders_for
-from hsop_gcs.cameras.rig import CameraRig
+from hsop_gcs.assignment import Mover, NoSafeFlight, flight_s, order_for, orders_for
 from hsop_gcs.fleet import FlightLimits
+from hsop_gcs.mission.planning import Decision, PlanningRules, Sigma, Situation, TargetError, flight_rules, margin_m
 from hsop_gcs.placement import place
 from hsop_gcs.placement.airspace import Airspace
 from hsop_gcs.placement.holding import held_over, why_broken
 from hsop_gcs.placement.objective import segment_distance
-from hsop_gcs.placement.problem import AvailableHost, Formulation, Objective, Problem, Threat
+from hsop_gcs.placement.problem import AvailableHost, Problem, Threat
 from hsop_gcs.placement.reasons import out_of_sight
 from hsop_gcs.placement.solution import HoverPose, Placement, Status, renamed, worst_error_m
 
 _ARRIVAL_TOLERANCE_S = 1.0
-_DOUBTS = 2.0
 _GLANCE_ROUNDS = 1
 """Enough to know how far hosts will have to fly."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TargetError:
-    """As many hosts as it takes to expect no greater error of any threat; all that are available if none reach it."""
-
-    target_error_m: float = 1.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlanningRules:
-    """How plans are made; the defaults are the letter's Table 2 and what the service flies."""
-
-    horizon_s: float = 10.0
-    safety_distance_m: float = 20.0
-    safety_margin_m: float = 4.0
-    """What plans keep on top of the safety distance, so that they are still safe when a track moves a little; more for
-    threats that are not known well: twice their standard deviation, but no more than the safety distance again."""
-    min_separation_m: float = 10.0
-    formulation: Formulation = Formulation.OPERATIONAL
-    objective: Objective = Objective.RMS
-    hosts: int | Literal["fewest", "all"] | TargetError = TargetError()
-    """How many hosts to use: "fewest" that see every threat, "all" that are available, a number, or the fewest that
-    bring every threat's expected error to a target."""
-    settle_s: float = 3.0
-    """From reaching a hover point to a steady picture."""
-    keep_margin: float = 0.2
-    """A new plan takes the place of one that still holds only if this share of the cost is gained."""
-    time_limit_s: float = 1.0
-    seed: int = 0
-    limits: FlightLimits = field(default_factory=FlightLimits)
-    airspace: Airspace = field(default_factory=Airspace)
-    """The fence and the keep-out areas; floor and ceiling are those of ``limits``."""
-    host_position_sigma_m: float = 0.0
-    host_attitude_sigma_deg: float = 0.0
-    """How well hosts know where they are and where their cameras point, each axis; counts in expected errors."""
-    max_views: int = 2
-    """Of a threat, fused into its expected error."""
-    rig: CameraRig = field(default_factory=CameraRig)
-    """Of every host that has none of its own."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sigma:
-    """Standard deviations of a threat's position and velocity, each axis, and how its velocity wanders."""
-
-    position_m: float
-    velocity_mps: float
-    acceleration_psd_m2ps3: float = 0.0
-
-    def after(self, time_s: float) -> float:
-        """Return the position's so much later, metres."""
-        wandered_m = math.sqrt(self.acceleration_psd_m2ps3 * abs(time_s) ** 3 / 3)
-        return math.hypot(self.position_m, self.velocity_mps * time_s, wandered_m)
-
-
 _SURE = Sigma(position_m=0.0, velocity_mps=0.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Situation:
-    """Everything a decision depends on. ``now_s``: seconds since the Unix epoch."""
-
-    now_s: float
-    threats: tuple[Threat, ...]
-    """Where they are now."""
-    sigmas: tuple[Sigma, ...] = ()
-    """How sure that is, of each."""
-    movers: tuple[Mover, ...]
-    """The hosts that can be sent."""
-    standing: tuple[Flight, ...] = ()
-    """Our other aircraft in the air: they cannot be sent, and nobody flies into them."""
-    flying: Placement | None = None
-    """The plan that flies, if one does."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Decision:
-    """A placement and the orders that carry it out; no orders means that nothing can fly, and ``reason`` says why."""
-
-    placement: Placement
-    threats: tuple[Threat, ...]
-    """The threats as predicted for the start of the window."""
-    window_start_s: float
-    """When the hosts can have arrived: the placement holds from here for one horizon."""
-    orders: tuple[HostOrder, ...] = ()
-    reason: str = ""
-    iterations: tuple[int, ...] = ()
-    """Of the placements it took: what makes the decision again."""
-    left_out: Mapping[str, str] = field(default_factory=dict)
-    """Threats that no host can see, and why: the plan is for the others, and keeps its distance to these."""
-    keeps: bool = False
-    """The flying plan still does: its hosts stay, only their cameras turn on."""
 
 
 def decide(
@@ -144,26 +49,6 @@ def decide(
     decision = _decide_for(situation, rules, lead_s, now, iterations[1:])
     kept = _kept(situation, rules, decision)
     return replace(decision if kept is None else kept, iterations=glance.iterations + decision.iterations)
-
-
-def margin_m(rules: PlanningRules, sigmas: Iterable[Sigma]) -> float:
-    """Return what a plan keeps on top of the safety distance, metres."""
-    doubt_m = max((_DOUBTS * sigma.position_m for sigma in sigmas), default=0.0)
-    return max(rules.safety_margin_m, min(doubt_m, rules.safety_distance_m))
-
-
-def flight_rules(rules: PlanningRules, sigmas: Iterable[Sigma]) -> FlightRules:
-    """Return what flights to hover points keep to when they depart.
-
-    Half of the margin that hover points keep on top of the safety distance: what was planned a moment ago is still good
-    when a threat has moved a little, and what departs now is not stopped at once when it moves a little more.
-    """
-    return FlightRules(
-        horizon_s=rules.horizon_s,
-        safety_distance_m=rules.safety_distance_m + margin_m(rules, sigmas) / 2,
-        separation_m=rules.min_separation_m,
-        airspace=replace(rules.airspace, floor_m=rules.limits.floor_m, ceiling_m=rules.limits.ceiling_m),
-    )
 
 
 def _decide_for(

@@ -4,7 +4,8 @@ import asyncio
 import time
 from concurrent.futures.process import BrokenProcessPool
 
-from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation, decide
+from hsop_gcs.mission.pipeline import decide
+from hsop_gcs.mission.planning import Decision, PlanningRules, Situation
 from hsop_gcs.placement.search import warm_up, warm_up_beside
 from hsop_gcs.workers import SPAWN, end, end_with_parent, workers
 

@@ -15,7 +15,8 @@ from enum import StrEnum
 
 from hsop_gcs.assignment import Mover
 from hsop_gcs.detections.merging import is_only_seen
-from hsop_gcs.mission.pipeline import Decision, PlanningRules, Sigma, Situation, why_over
+from hsop_gcs.mission.pipeline import why_over
+from hsop_gcs.mission.planning import Decision, PlanningRules, Sigma, Situation
 from hsop_gcs.placement.problem import Threat
 from hsop_gcs.tracks import Track, TrackStatus
 

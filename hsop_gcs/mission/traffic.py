@@ -24,7 +24,7 @@ from hsop_gcs.mission.core import MissionState, Pending, situation
 from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus
 from hsop_gcs.mission.gates import Aircraft, Closed
 from hsop_gcs.mission.inputs import HostDeparted, HostRetried, HostSetAside, HostStopped, LegFlown, WishLapsed
-from hsop_gcs.mission.pipeline import Situation, flight_rules
+from hsop_gcs.mission.planning import Situation, flight_rules
 from hsop_gcs.placement.airspace import Airspace
 from hsop_gcs.placement.problem import Point
 

@@ -13,7 +13,8 @@ from typing import Any
 
 from hsop_gcs.mission.core import MissionState, apply, situation
 from hsop_gcs.mission.inputs import DecisionMade, Input, RaysArrived, ReportsArrived, SolverAsked
-from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation, decide
+from hsop_gcs.mission.pipeline import decide
+from hsop_gcs.mission.planning import Decision, PlanningRules, Situation
 from hsop_gcs.mission.records import read_inputs, to_record
 from hsop_gcs.placement.solution import Status
 from hsop_gcs.workers import workers

@@ -12,7 +12,7 @@ from hsop_gcs.link.codec import message_ids
 from hsop_gcs.link.endpoint import parse_endpoint
 from hsop_gcs.link.key_files import read_key
 from hsop_gcs.mission.inputs import Rules
-from hsop_gcs.mission.pipeline import PlanningRules, TargetError
+from hsop_gcs.mission.planning import PlanningRules, TargetError
 from hsop_gcs.mission.state import Autonomy, ReplanRules
 from hsop_gcs.placement.problem import Formulation, Objective
 from hsop_gcs.tracks import ConfirmAtOnce, TrackRules

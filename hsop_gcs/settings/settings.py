@@ -12,7 +12,7 @@ from hsop_gcs.fleet import Fleet, FlightLimits, Host
 from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
 from hsop_gcs.link.endpoint import parse_endpoint
 from hsop_gcs.mission.inputs import Rules
-from hsop_gcs.mission.pipeline import PlanningRules, TargetError
+from hsop_gcs.mission.planning import PlanningRules, TargetError
 from hsop_gcs.mission.state import ReplanRules
 from hsop_gcs.placement.airspace import Airspace, KeepOut, Polygon
 from hsop_gcs.reports import Site

@@ -13,7 +13,8 @@ import numpy as np
 
 from hsop_gcs.journal import Journal
 from hsop_gcs.mission.inputs import Rules
-from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation, decide
+from hsop_gcs.mission.pipeline import decide
+from hsop_gcs.mission.planning import Decision, PlanningRules, Situation
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.placement.search.rounds import LANES
 from hsop_gcs.simulator.truth import TrueState

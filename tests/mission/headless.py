@@ -20,7 +20,8 @@ from hsop_gcs.link.pump import Link
 from hsop_gcs.mission.controller import Mission
 from hsop_gcs.mission.core import MissionState
 from hsop_gcs.mission.inputs import Rules
-from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation, decide
+from hsop_gcs.mission.pipeline import decide
+from hsop_gcs.mission.planning import Decision, PlanningRules, Situation
 from hsop_gcs.mission.solver import Solver
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.reports import Report, Site

@@ -7,7 +7,7 @@ from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.detections import Detection, Direction, Fate
 from hsop_gcs.errors import Refused
 from hsop_gcs.mission.inputs import Rules
-from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation
+from hsop_gcs.mission.planning import Decision, PlanningRules, Situation
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.placement.solution import Placement, Status
 from hsop_gcs.simulator.truth import TrueState

@@ -9,7 +9,8 @@ import pytest
 
 from hsop_gcs.assignment import Mover
 from hsop_gcs.mission.inputs import MissionStarted, Rules
-from hsop_gcs.mission.pipeline import Decision, PlanningRules, Sigma, Situation, TargetError, decide
+from hsop_gcs.mission.pipeline import decide
+from hsop_gcs.mission.planning import Decision, PlanningRules, Sigma, Situation, TargetError
 from hsop_gcs.mission.records import from_record, to_record
 from hsop_gcs.placement.problem import Threat
 from hsop_gcs.placement.solution import worst_error_m

@@ -3,7 +3,8 @@
 from dataclasses import replace
 
 from hsop_gcs.assignment import Mover
-from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation, decide
+from hsop_gcs.mission.pipeline import decide
+from hsop_gcs.mission.planning import Decision, PlanningRules, Situation
 from hsop_gcs.placement.problem import Threat
 
 CALM = Threat(id="calm", position_m=(0.0, 60.0, 40.0), velocity_mps=(0.5, -0.5, 0.0))

@@ -3,7 +3,8 @@
 import pytest
 
 from hsop_gcs.assignment import Mover
-from hsop_gcs.mission.pipeline import Decision, PlanningRules, Sigma, Situation, decide
+from hsop_gcs.mission.pipeline import decide
+from hsop_gcs.mission.planning import Decision, PlanningRules, Sigma, Situation
 from hsop_gcs.placement.problem import Point, Threat
 from tests.detections.examples import METRE
 

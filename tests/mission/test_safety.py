@@ -21,7 +21,7 @@ from hsop_gcs.link.events import CommandFinished
 from hsop_gcs.mission.controller import Mission
 from hsop_gcs.mission.core import MissionState, Wish
 from hsop_gcs.mission.inputs import HostSetAside, HostStopped, Rules, WishLapsed
-from hsop_gcs.mission.pipeline import Decision, PlanningRules, Situation
+from hsop_gcs.mission.planning import Decision, PlanningRules, Situation
 from hsop_gcs.mission.records import recover
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.placement.airspace import Airspace, KeepOut

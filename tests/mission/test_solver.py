@@ -6,7 +6,7 @@ from multiprocessing import active_children
 
 import pytest
 
-from hsop_gcs.mission.pipeline import PlanningRules
+from hsop_gcs.mission.planning import PlanningRules
 from hsop_gcs.mission.solver import Solver
 from tests.mission.test_host_policy import situation
 

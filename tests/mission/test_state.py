@@ -9,7 +9,7 @@ from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.detections.merging import SOURCE
 from hsop_gcs.mission.core import MissionState, apply
 from hsop_gcs.mission.inputs import ProposalRefused
-from hsop_gcs.mission.pipeline import Decision, PlanningRules, Sigma, Situation
+from hsop_gcs.mission.planning import Decision, PlanningRules, Sigma, Situation
 from hsop_gcs.mission.records import from_record, to_record
 from hsop_gcs.mission.state import (
     Plans,

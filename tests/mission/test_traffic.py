@@ -34,7 +34,7 @@ from hsop_gcs.mission.inputs import (
     ThreatDismissed,
     WishLapsed,
 )
-from hsop_gcs.mission.pipeline import Decision, PlanningRules
+from hsop_gcs.mission.planning import Decision, PlanningRules
 from hsop_gcs.mission.records import from_record, to_record
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.mission.traffic import Blocked, Traffic
