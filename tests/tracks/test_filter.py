@@ -33,7 +33,7 @@ def test_states_are_those_of_stone_soup_to_rounding() -> None:
             position_m=vector(given["position_m"]),
             velocity_mps=None if velocity is None else vector(velocity),
             sigma_m=given["sigma_m"],
-            covariance_m2=None if covariance is None else tuple(vector(row) for row in covariance),  # type: ignore[arg-type]
+            covariance_m2=None if covariance is None else matrix(covariance),
         )
         state = first_state(measured, alike) if state is None else advance([state], [measured], alike)[0]
         assert state.mean == pytest.approx(expected["mean"], rel=1e-9, abs=1e-9 * METRE)
@@ -135,7 +135,7 @@ def fixes(rng: np.random.Generator, time_s: float, truth: FloatArray) -> list[Me
     root = rng.normal(size=(3, 3))
     covariance = root @ root.T * 0.3 + 0.01 * np.eye(3)
     position = rng.multivariate_normal(truth[:3], covariance)
-    return [report(time_s, *position, covariance_m2=tuple(vector(row) for row in covariance))]
+    return [report(time_s, *position, covariance_m2=matrix(covariance))]
 
 
 def bearings_of_two_cameras(rng: np.random.Generator, time_s: float, truth: FloatArray) -> list[Measurement]:

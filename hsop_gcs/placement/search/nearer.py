@@ -18,7 +18,7 @@ from hsop_gcs.placement.search.anneal import anneal
 from hsop_gcs.placement.search.chance import seeded
 from hsop_gcs.placement.search.model import Floats, Ints, Question
 from hsop_gcs.placement.search.moves import mend
-from hsop_gcs.placement.search.neighbourhood import MENDING_STIFFNESS
+from hsop_gcs.placement.search.neighbourhood import COLD_AGAIN, MENDING_STIFFNESS
 from hsop_gcs.placement.search.question import frame_of, placement_of, question_of, state_of
 from hsop_gcs.placement.search.state import State, copied, copy_state, totals
 from hsop_gcs.placement.solution import Placement, Status
@@ -31,7 +31,7 @@ _CLIMB, _WAY = slice(2, 3), slice(0, 3)
 _REACHES_M = (2.0, 5.0, 10.0, 20.0)
 """How far hosts of an earlier placement are moved at first."""
 _MOVES_PER_HOST = 1000
-_WARM, _COLD = 0.03, 2e-3
+_WARM = 0.03
 
 
 def nearer(
@@ -135,7 +135,7 @@ def _mended(q: Question, state: State) -> Iterator[State]:
     for attempt, reach_m in enumerate(_REACHES_M):
         trial, best = copied(state), copied(state)
         moves, chance = _MOVES_PER_HOST * len(hosts), seeded(0, len(hosts), attempt, 0)
-        anneal(q, trial, best, hosts, threats, moves, _WARM, _COLD, reach_m, MENDING_STIFFNESS, chance)
+        anneal(q, trial, best, hosts, threats, moves, _WARM, COLD_AGAIN, reach_m, MENDING_STIFFNESS, chance)
         yield best
 
 

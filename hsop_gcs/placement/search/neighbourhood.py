@@ -26,6 +26,8 @@ HARDENING = 100.0
 """By how much penalties grow during an anneal over poses."""
 HOT, COLD = 0.5, 1e-3
 """First and last temperature of anneals from random poses."""
+COLD_AGAIN = 2e-3
+"""Last temperature of anneals of what was good before."""
 MENDING_STIFFNESS = 60.0
 """Of penalties while no placement keeps every rule: cost matters little then."""
 MENDING_STIFFNESS_OF_POSES = 200.0
@@ -263,7 +265,7 @@ def improve(
         stiffness = MENDING_STIFFNESS if violation > 0 else STIFFNESS
         reach = reach_m * uniform(chance)
         moves = moves_per_host * chosen.size
-        anneal(q, trial, best, chosen, inside, moves, hot, 2e-3, reach, stiffness, chance)
+        anneal(q, trial, best, chosen, inside, moves, hot, COLD_AGAIN, reach, stiffness, chance)
         new_cost, new_violation = totals(q, best)
         promising = new_violation <= 0 and (violation > 0 or new_cost < cost + PROMISING * here)
         if promising and not (violation <= 0 and new_cost >= cost and same_place(s, best)):
