@@ -40,7 +40,7 @@ class Arrays(NamedTuple):
 class Log:
     """The steps of all tracks. It is only ever added to, so that pictures can share it."""
 
-    def __init__(self, room: int = 64) -> None:
+    def __init__(self, room: int = 256) -> None:
         self.steps = Arrays.empty(room)
         self._full_at = room
         self.measurements: list[Measurement] = []
@@ -91,7 +91,7 @@ class Log:
     def without_the_past(self, newest: IntArray, memory_s: float) -> tuple["Log", IntArray]:
         """Return a log of nothing but what tracks remember, with room for more, and their newest steps in it."""
         kept, before, places = track_kernels.remembered(self.steps.times_s, self.steps.before, newest, memory_s)
-        log = Log(room=4 * len(kept) + 64)
+        log = Log(room=4 * len(kept) + 256)
         for array, given in zip(log.steps, self.steps, strict=True):
             array[: len(kept)] = given[kept]
         log.steps.before[: len(kept)] = before

@@ -160,8 +160,9 @@ def correct(
     for n in range(len(at)):
         if seen[n, DIMENSIONS] == 0 or (at[n] >= 0 and seen[n, TIME] < times_s[at[n]]):
             return False
-    m, p, root, white = np.empty(6), np.empty((6, 6)), np.zeros((6, 6)), np.empty(6)
-    gain, kept, half, noise = np.empty((6, 6)), np.empty((6, 6)), np.empty((6, 6)), np.zeros((6, 6))
+    room = np.zeros((7, 6, 6))
+    p, root, noise, gain, kept, half = room[0], room[1], room[2], room[3], room[4], room[5]
+    m, white = room[6, 0], room[6, 1]
     nothing = np.zeros(ROW)
     for n in range(len(at)):
         row, new = seen[n], end + n
@@ -236,8 +237,8 @@ def distances(
     times_s: FloatArray, means: FloatArray, covariances: FloatArray, at: IntArray, seen: FloatArray, psd: float
 ) -> FloatArray:
     """Return the squared distance (n,) of each of n reports from its own step; of a bearing's row 0."""
-    squared = np.empty(len(at))
-    m, p, root, white, noise = np.empty(6), np.empty((6, 6)), np.zeros((6, 6)), np.empty(6), np.zeros((6, 6))
+    squared, room = np.empty(len(at)), np.zeros((4, 6, 6))
+    p, root, noise, m, white = room[0], room[1], room[2], room[3, 0], room[3, 1]
     for n in range(len(at)):
         d = int(seen[n, DIMENSIONS])
         _spread(seen[n], noise)
@@ -265,8 +266,8 @@ def in_gates(
     a scan.
     """
     cost = np.full((len(seen), len(facts) + len(seen)), FORBIDDEN)
-    doubtful, doubts = np.empty((len(seen) * len(facts), 2), np.int64), 0
-    m, p, root, white, noise = np.empty(6), np.empty((6, 6)), np.zeros((6, 6)), np.empty(6), np.zeros((6, 6))
+    doubtful, doubts, room = np.empty((len(seen) * len(facts), 2), np.int64), 0, np.zeros((4, 6, 6))
+    p, root, noise, m, white = room[0], room[1], room[2], room[3, 0], room[3, 1]
     for n in range(len(seen)):
         row = seen[n]
         d = int(row[DIMENSIONS])

@@ -101,19 +101,12 @@ def bind(table: Table, tracks: Sequence[int], measurements: Sequence[Measurement
 
 def aged(table: Table, now_s: float, rules: TrackRules) -> tuple[Table, dict[str, float]]:
     """Return the table as it stands at ``now_s``, the same one if nothing has changed; and who left it, heard when."""
-    times_s, statuses = table.log.steps.times_s, np.empty(len(table.names))
-    numbers = table.numbers if rules is table.rules else numbers_of(rules)
-    if not track_kernels.age(times_s, table.facts, now_s, numbers, statuses):
+    times_s, numbers = table.log.steps.times_s, table.numbers if rules is table.rules else numbers_of(rules)
+    if not track_kernels.is_aged(times_s, table.facts, now_s, numbers):
         return table, {}
-    facts = table.facts.copy()
-    facts[:, kernels.STATUS] = statuses
-    kept, gone = [], {}
-    for row, status in enumerate(statuses.tolist()):
-        if status == kernels.GONE:
-            gone[table.names[row].id] = times_s.item(int(facts.item(row, kernels.NEWEST)))
-        else:
-            kept.append(row)
-    return table.only(kept, facts), gone
+    facts, gone, heard_s = track_kernels.aged(times_s, table.facts, now_s, numbers)
+    left = {table.names[row].id: time_s for row, time_s in zip(gone.tolist(), heard_s.tolist(), strict=True)}
+    return table.without(left, facts), left
 
 
 def has_left(track: Track, now_s: float, rules: TrackRules) -> bool:

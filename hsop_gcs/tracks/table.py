@@ -1,6 +1,6 @@
 """All tracks side by side: numbers in arrays, for the kernels; a ``Track`` is made when somebody asks for it."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -56,10 +56,10 @@ class Table(Mapping[str, Track]):
             table.rules, table.numbers = rules, numbers_of(rules)
         return table
 
-    def only(self, rows: Sequence[int], facts: FloatArray) -> "Table":
-        """Return a table of some of its tracks; ``facts``: of all of them."""
-        names = tuple([self.names[row] for row in rows])
-        return Table(self.log, names, _rows(names), facts[rows], self.rules, self.numbers)
+    def without(self, track_ids: Container[str], facts: FloatArray) -> "Table":
+        """Return a table of the other tracks, whose ``facts`` these are."""
+        names = tuple([name for name in self.names if name.id not in track_ids])
+        return Table(self.log, names, _rows(names), facts, self.rules, self.numbers)
 
     def add(self, names: Sequence[Name]) -> None:
         """Add tracks; their facts are for the caller to add."""

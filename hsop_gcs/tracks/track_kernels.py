@@ -97,14 +97,33 @@ def status_at(status: int, newest_s: float, now_s: float, rules: FloatArray) -> 
 
 
 @kernel
-def age(times_s: FloatArray, facts: FloatArray, now_s: float, rules: FloatArray, statuses: FloatArray) -> bool:
-    """Fill statuses (tracks,) with what they are at ``now_s``; return whether any has changed."""
+def is_aged(times_s: FloatArray, facts: FloatArray, now_s: float, rules: FloatArray) -> bool:
+    """Whether any track has another status at ``now_s`` than its facts (tracks, FACTS) say."""
     changed = False
-    for track in range(len(facts)):
-        status = int(facts[track, STATUS])
-        statuses[track] = status_at(status, times_s[int(facts[track, NEWEST])], now_s, rules)
-        changed |= statuses[track] != status
+    for fact in facts:
+        changed |= status_at(int(fact[STATUS]), times_s[int(fact[NEWEST])], now_s, rules) != fact[STATUS]
     return changed
+
+
+@kernel
+def aged(
+    times_s: FloatArray, facts: FloatArray, now_s: float, rules: FloatArray
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Return the facts of the tracks that are left at ``now_s``, the rows of the others, and when these were heard."""
+    left, gone, heard_s = np.empty_like(facts), np.empty(len(facts), np.int64), np.empty(len(facts))
+    stay = leave = 0
+    for track in range(len(facts)):
+        newest_s = times_s[int(facts[track, NEWEST])]
+        status = status_at(int(facts[track, STATUS]), newest_s, now_s, rules)
+        if status == GONE:
+            gone[leave], heard_s[leave] = track, newest_s
+            leave += 1
+        else:
+            for i in range(FACTS):
+                left[stay, i] = facts[track, i]
+            left[stay, STATUS] = status
+            stay += 1
+    return left[:stay], gone[:leave], heard_s[:leave]
 
 
 @kernel
@@ -270,7 +289,8 @@ def warm_up() -> None:
     step_at(log[0], log[4], 1, 0.0, 1.0)
     remembered(log[0], log[4], first, 1.0)
     live(log[0], log[2], log[4], facts, first, first, seen, 1.0, rules)
-    age(log[0], facts, 0.0, rules, np.empty(2))
+    is_aged(log[0], facts, 0.0, rules)
+    aged(log[0], facts, 0.0, rules)
     status_at(TENTATIVE, 0.0, 0.0, rules)
     unknown(facts[0], rules)
     take(*log, facts, 1, seen, first, 1, np.empty((0, 3)), 1.0, 1.0, 1.0, rules)
