@@ -23,6 +23,7 @@ from hsop_gcs.detections.poses import PoseHistory
 from hsop_gcs.detections.ray import Ray, to_ray
 from hsop_gcs.detections.rules import DetectionRules
 from hsop_gcs.errors import BadInput
+from hsop_gcs.geometry.triangulation import Place
 from hsop_gcs.reports import Bearing, Matrix3, Measurement, Report, ReportRules, Vector3, check_time
 from hsop_gcs.tracks import Picture, Refusal, Track, TrackRules, update
 from hsop_gcs.tracks.gate import predicted
@@ -276,12 +277,11 @@ class _Work:
         if len({ray.detection.host for ray in rays}) < 2:
             return None
         mean, covariance = predicted([state_before(track.steps, time_s)], [time_s], self._track_rules)
-        x, y, z, *velocity = mean[0].tolist()
+        east, north, up = mean[0, 3:].tolist()
         belief = Belief(
-            velocity_mps=(velocity[0], velocity[1], velocity[2]),
+            velocity_mps=(east, north, up),
             speed_sigma_mps=math.sqrt(float(covariance[0, 3:, 3:].trace()) / 3),
-            position_m=(x, y, z),
-            sigma_m=math.sqrt(float(covariance[0, :3, :3].trace())),
+            place=Place(mean[0, :3], np.asarray(np.linalg.inv(covariance[0, :3, :3]))),
         )
         return fix_of(rays, time_s, belief, self._rules)
 

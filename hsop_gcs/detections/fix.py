@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from hsop_gcs.cameras.sight import FloatArray
 from hsop_gcs.detections.ray import Ray
 from hsop_gcs.detections.rules import DetectionRules
 from hsop_gcs.geometry.rays import Rays
-from hsop_gcs.geometry.triangulation import covariance, triangulate
+from hsop_gcs.geometry.triangulation import NOWHERE, Place, covariance, triangulate
 from hsop_gcs.reports import Vector3
 from hsop_gcs.tracks.gate import threshold
 
@@ -43,68 +43,58 @@ class Belief:
     velocity_mps: Vector3
     speed_sigma_mps: float
     """Standard deviation of the velocity, each axis."""
-    position_m: Vector3 | None = None
-    sigma_m: float = math.inf
-    """Root of the trace of the position's covariance."""
+    place: Place = NOWHERE
 
 
 def fix_of(rays: Sequence[Ray], time_s: float, belief: Belief, rules: DetectionRules) -> Fix | None:
     """Triangulate a threat at ``time_s``; None if the rays do not meet, or too vaguely to be worth a fix.
 
     How well the threat's flight between the exposures and the hosts' own positions are known widens each ray by their
-    angle at the threat's distance. Where a place is believed in more surely the covariance is that of the likeliest
-    place: a fix that noise has put nearer to the cameras would believe itself better than one put farther away.
+    angle at the threat's distance.
+
+    Where a place is believed in, the fix is what the rays say near the likeliest place by both: of almost parallel rays
+    neither the likeliest place nor how sure it is would do by itself, since one that noise has put nearer to the
+    cameras would believe itself better than one put farther away. Such a fix may lie anywhere on its long axis; it
+    means something only together with the belief.
     """
-    velocity_mps, speed_sigma_mps = belief.velocity_mps, belief.speed_sigma_mps
     elapsed_s = np.array([time_s - ray.time_s for ray in rays])
-    origins = np.array([ray.origin_m for ray in rays]) + elapsed_s[:, None] * np.array(velocity_mps)
-    blur_m = np.hypot(rules.host_sigma_m, speed_sigma_mps * elapsed_s)
-    first = triangulate(origins, _rays(rays, np.zeros(len(rays))))[0]
+    origins = np.array([ray.origin_m for ray in rays]) + elapsed_s[:, None] * np.array(belief.velocity_mps)
+    blur_m = np.hypot(rules.host_sigma_m, belief.speed_sigma_mps * elapsed_s)
+    first = triangulate(origins, _rays(rays, np.zeros(len(rays))), believed=belief.place)[0]
     if not np.isfinite(first).all():
         return None
-    widened = _rays(rays, blur_m / np.linalg.norm(first - origins, axis=1))
-    position = triangulate(origins, widened)[0]
-    spread = covariance(origins, widened, position)[0]
-    if not (np.isfinite(position).all() and np.isfinite(spread).all()):
-        return None
-    reach = position - origins
-    depth = (reach * widened.directions[0]).sum(axis=1)
-    misses = (widened.whiteners[0] @ reach[:, :, None])[:, :, 0] / depth[:, None]
-    common = _common(widened, origins, position, spread, rules)
-    fix = Fix(position, spread, common, np.linalg.norm(reach, axis=1), float(np.square(misses).sum()))
-    if fix.misfit > threshold(2 * len(rays) - 3, rules.misfit_probability):
-        return None
-    if fix.sigma_m > rules.widest_share * fix.ranges_m.min():
-        return None
-    if belief.position_m is None or belief.sigma_m >= fix.sigma_m:
-        return fix
-    likeliest = _between(widened, origins, np.array(belief.position_m), belief.sigma_m)
-    widened = _rays(rays, blur_m / np.linalg.norm(likeliest - origins, axis=1))
+    away_m = np.linalg.norm(first - origins, axis=1)
+    widened = _rays(rays, blur_m / away_m)
+    likeliest = triangulate(origins, widened, believed=belief.place)[0]
     spread = covariance(origins, widened, likeliest)[0]
-    if not np.isfinite(spread).all():
-        return fix
-    return replace(fix, covariance_m2=spread, common_m2=_common(widened, origins, likeliest, spread, rules))
+    if not (np.isfinite(likeliest).all() and np.isfinite(spread).all()):
+        return None
+    ranges_m = np.linalg.norm(likeliest - origins, axis=1)
+    _, changes = _misses(widened, likeliest - origins)
+    misfit = float(np.square(_misses(widened, triangulate(origins, widened)[0] - origins)[0]).sum())
+    if misfit > threshold(2 * len(rays) - 3, rules.misfit_probability):
+        return None
+    widest_m = rules.widest_share * ranges_m.min() if belief.place is NOWHERE else rules.farthest_m
+    if np.trace(spread) > widest_m**2:
+        return None
+    position = likeliest + spread @ belief.place.information @ (likeliest - belief.place.mean_m)
+    return Fix(position, spread, _common(widened, changes, spread, rules.host_sigma_m / away_m), ranges_m, misfit)
 
 
-def _common(rays: Rays, origins: FloatArray, at_m: FloatArray, spread: FloatArray, rules: DetectionRules) -> FloatArray:
-    """Return how the hosts' own positions spread a fix of covariance ``spread`` at ``at_m``, (3, 3)."""
-    depth = ((at_m - origins) * rays.directions[0]).sum(axis=1)
-    rows = (rays.whiteners[0] / depth[:, None, None]).reshape(-1, 3)
-    share = rules.host_sigma_m**2 * np.square(rows).sum(axis=1)
-    return np.asarray(spread @ (rows.T * share) @ rows @ spread)
+def _misses(rays: Rays, reach: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return how far rays pass a place, ``reach`` (views, 3) from the cameras, in standard deviations, (2 views,), and
+    how that changes with the place, (2 views, 3)."""
+    depth = (reach * rays.directions[0]).sum(axis=1)[:, None]
+    misses = (rays.whiteners[0] @ reach[:, :, None])[:, :, 0] / depth
+    changes = (rays.whiteners[0] - misses[:, :, None] * rays.directions[0][:, None, :]) / depth[:, :, None]
+    return misses.ravel(), changes.reshape(-1, 3)
 
 
-def _between(rays: Rays, origins: FloatArray, believed_m: FloatArray, sigma_m: float) -> FloatArray:
-    """Return where a threat is likeliest, by the rays and by the place believed in, (3,).
-
-    Seen towards the latter alone, the long axis of a vague fix would lie across the rays.
-    """
-    depth = ((believed_m - origins) * rays.directions[0]).sum(axis=1)
-    rows = rays.whiteners[0] / np.maximum(depth, 1.0)[:, None, None]
-    ends = (rows @ origins[:, :, None])[:, :, 0]
-    rows, weight = rows.reshape(-1, 3), 3 / sigma_m**2
-    information = rows.T @ rows + weight * np.eye(3)
-    return np.asarray(np.linalg.solve(information, rows.T @ ends.ravel() + weight * believed_m))
+def _common(rays: Rays, changes: FloatArray, spread: FloatArray, off_rad: FloatArray) -> FloatArray:
+    """Return how the hosts' own positions, which turn the rays by ``off_rad`` (views,), spread a fix, (3, 3)."""
+    share = np.square(off_rad[:, None] * np.linalg.norm(rays.whiteners[0], axis=2)).ravel()
+    gain = spread @ changes.T
+    return np.asarray((gain * share) @ gain.T)
 
 
 def _rays(rays: Sequence[Ray], blur_rad: FloatArray) -> Rays:

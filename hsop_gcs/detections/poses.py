@@ -18,14 +18,16 @@ _SAME_SAMPLE_S = 1e-3
 """Two clocks read one after the other differ by less; no telemetry comes so often."""
 _DATED_S = 0.02
 """Standard deviation of when a sample was taken."""
+_OFF_S = math.sqrt(3) * _DATED_S
+"""Looked at so much earlier and later, a sixth of each weight: what Gauss and Hermite take for a normal error."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pose:
     """A host at one time: ENU metres, compass heading, roll right and nose up positive, the gimbal's earth-frame aim.
 
-    The sigmas are what interpolation leaves open, each axis, radians: a gimbal that steps between two samples is
-    anywhere between them.
+    The sigmas are what interpolation leaves open, each axis across a ray, radians: a gimbal that steps between two
+    samples is anywhere between them.
     """
 
     position_m: Vector3
@@ -73,20 +75,27 @@ class PoseHistory:
         """
         _require_near(self.positions, time_s, limit_s, "position")
         _require_near(self.attitudes, time_s, limit_s, "attitude")
-        (heading_deg, roll_deg, pitch_deg), attitude_sigma_deg = _angles_at(self.attitudes, time_s)
-        aim, aim_sigma_deg = None, 0.0
-        if _outside_s(self.aims, time_s) <= limit_s:
-            (pan_deg, tilt_deg, _), aim_sigma_deg = _angles_at(self.aims, time_s)
-            aim = Aim(pan_deg=pan_deg % 360.0, tilt_deg=tilt_deg)
-        return Pose(
+        (heading_deg, roll_deg, pitch_deg), open_deg2 = _angles_at(self.attitudes, time_s)
+        turning_deg2 = _misdated(self.attitudes, time_s)
+        pose = Pose(
             position_m=_position_at(self.positions, time_s),
             heading_deg=heading_deg % 360.0,
             roll_deg=roll_deg,
             pitch_deg=pitch_deg,
-            attitude_sigma_rad=math.radians(attitude_sigma_deg),
-            aim=aim,
-            aim_sigma_rad=math.radians(aim_sigma_deg),
+            attitude_sigma_rad=_across_rad(open_deg2 + sum(turning_deg2)),
         )
+        if _outside_s(self.aims, time_s) > limit_s:
+            return pose
+        (pan_deg, tilt_deg, _), open_deg2 = _angles_at(self.aims, time_s)
+        # where the gimbal looks in the earth's frame hangs on the nose as well
+        open_deg2 += sum(_misdated(self.aims, time_s)) + turning_deg2[0]
+        aim = Aim(pan_deg=pan_deg % 360.0, tilt_deg=tilt_deg)
+        return replace(pose, aim=aim, aim_sigma_rad=_across_rad(open_deg2))
+
+
+def _across_rad(open_deg2: float) -> float:
+    """Return the standard deviation of a direction along each of its two axes."""
+    return math.radians(math.sqrt(open_deg2 / 2))
 
 
 def _appended(series: Series, time_s: float, values: Vector3) -> Series:
@@ -134,29 +143,39 @@ def _position_at(series: Series, time_s: float) -> Vector3:
 
 
 def _angles_at(series: Series, time_s: float) -> tuple[Vector3, float]:
-    """Return the angles, interpolated the short way around, and the standard deviation of each, all degrees.
+    """Return the angles, interpolated the short way around, and the square of what they leave open, all degrees.
 
     Between samples an angle may have gone over at any moment: then it has mean ``share`` of the way and variance
     share (1 - share) times its square. Outside, it may have moved on as much as in the fastest of the last intervals.
-    While it turns, a sample is as wrong as it is wrongly dated. A gimbal that turns back between two samples looks at
-    rest there: it may have gone on as before, and come back as after.
+    A gimbal that turns back between two samples looks at rest there: it may have gone on as before, and come back as
+    after.
     """
-    (began_s, first), (ended_s, second), share = _bracket(series, time_s)
-    steps = _steps(first, second)
-    inside = min(max(share, 0.0), 1.0)
-    x, y, z = (a + inside * step for a, step in zip(first, steps, strict=True))
-    place = bisect_right(series, began_s, key=_time)
+    before, after, share = _bracket(series, time_s)
+    place = bisect_right(series, before[0], key=_time)
     nearby = [_steps(one, other) for (_, one), (_, other) in pairwise(series[max(place - 2, 0) : place + 2])]
     turned_deg = [math.hypot(*each) for each in nearby]
-    fastest_deg = max(turned_deg, default=0.0)
-    own_deg = math.hypot(*steps)
-    turns_back = len(nearby) == 3 and sum(a * b for a, b in zip(nearby[0], nearby[2], strict=True)) < 0
-    between_deg = max(own_deg, min(turned_deg[0], turned_deg[2])) if turns_back else own_deg
+    inside = min(max(share, 0.0), 1.0)
+    between_deg = math.hypot(*_steps(before[1], after[1]))
+    if len(nearby) == 3 and sum(a * b for a, b in zip(nearby[0], nearby[2], strict=True)) < 0:
+        between_deg = max(between_deg, min(turned_deg[0], turned_deg[2]))
     variance = inside * (1 - inside) * between_deg**2
-    variance += (
-        min(abs(share - inside), 1.0) + (_DATED_S / max(ended_s - began_s, _SAME_SAMPLE_S)) ** 2
-    ) * fastest_deg**2
-    return (x, y, z), math.sqrt(variance)
+    variance += min(abs(share - inside), 1.0) * max(turned_deg, default=0.0) ** 2
+    return _interpolated(series, time_s), variance
+
+
+def _misdated(series: Series, time_s: float) -> Vector3:
+    """Return the variances of angles, square degrees, that are as wrong as their samples are wrongly dated."""
+    angles = _interpolated(series, time_s)
+    early, late = (_steps(angles, _interpolated(series, time_s + off_s)) for off_s in (-_OFF_S, _OFF_S))
+    x, y, z = ((a * a + b * b) / 6 for a, b in zip(early, late, strict=True))
+    return (x, y, z)
+
+
+def _interpolated(series: Series, time_s: float) -> Vector3:
+    (_, first), (_, second), share = _bracket(series, time_s)
+    inside = min(max(share, 0.0), 1.0)
+    x, y, z = (a + inside * step for a, step in zip(first, _steps(first, second), strict=True))
+    return (x, y, z)
 
 
 def _steps(one: Vector3, other: Vector3) -> list[float]:

@@ -1,6 +1,7 @@
 """A threat's position from two or more rays: Eqs. 5 and 6 as printed, and the maximum-likelihood fix."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,18 @@ COARSE = 16
 """Points tried on each ray, each at three quarters of the last one's distance, when the rays do not cross ahead."""
 PARALLEL = 1e-12
 """Smallest determinant of the normalised information at which rays count as crossing."""
+
+
+class Place(NamedTuple):
+    """Where something is believed to be, ENU metres."""
+
+    mean_m: FloatArray
+    """(3,)"""
+    information: FloatArray
+    """(3, 3), inverse of the covariance."""
+
+
+NOWHERE = Place(np.zeros(3), np.zeros((3, 3)))
 
 
 def triangulate_eq5(
@@ -41,18 +54,21 @@ def error_scale_eq6(
     return np.asarray(np.multiply(distance_p_m, distance_c_m) / np.sin(angle_rad))
 
 
-def triangulate(origins_m: npt.ArrayLike, rays: Rays, reach_m: npt.ArrayLike = math.inf) -> FloatArray:
+def triangulate(
+    origins_m: npt.ArrayLike, rays: Rays, reach_m: npt.ArrayLike = math.inf, *, believed: Place = NOWHERE
+) -> FloatArray:
     """Find the positions of greatest likelihood, given rays with normal errors across them.
 
     origins_m: (views, 3), ENU, two views or more. reach_m: () or (views,), how far from each camera the object can be;
     almost parallel rays put no other limit to it. Returns (draws, 3), metres; NaN where no point lies ahead of all
     cameras and within reach. Minimises the sum of squared distances from the rays in standard deviations (see ``Rays``)
     by damped Gauss-Newton steps from the point nearest to all rays. At the limit of reach the steps end near the
-    limit, not at its likeliest point.
+    limit, not at its likeliest point. ``believed``: where the object is known to be without the rays; the steps begin
+    there, and the positions are the likeliest by both.
     """
     origins, directions, whiteners = _contiguous(origins_m, rays)
     reach = np.broadcast_to(np.asarray(reach_m, dtype=np.float64), (len(origins),)).copy()
-    return np.asarray(_fixes(origins, directions, whiteners, reach))
+    return np.asarray(_fixes(origins, directions, whiteners, reach, *believed))
 
 
 def covariance(origins_m: npt.ArrayLike, rays: Rays, position_m: npt.ArrayLike) -> FloatArray:
@@ -193,7 +209,26 @@ def _start(
 
 
 @kernel
-def _fixes(origins: FloatArray, directions: FloatArray, whiteners: FloatArray, reach: FloatArray) -> FloatArray:
+def _add_belief(mean: FloatArray, information: FloatArray, x: FloatArray, m: FloatArray, v: FloatArray) -> float:
+    """Add a place believed in to information m and gradient v at x; return what it adds to the sum of squares."""
+    total = 0.0
+    for i in range(3):
+        for j in range(3):
+            m[i, j] += information[i, j]
+            v[i] += information[i, j] * (mean[j] - x[j])
+            total += (mean[i] - x[i]) * information[i, j] * (mean[j] - x[j])
+    return total
+
+
+@kernel
+def _fixes(
+    origins: FloatArray,
+    directions: FloatArray,
+    whiteners: FloatArray,
+    reach: FloatArray,
+    mean: FloatArray,
+    information: FloatArray,
+) -> FloatArray:
     draws, views = directions.shape[0], directions.shape[1]
     result = np.full((draws, 3), np.nan)
     m, trial_m = np.empty((3, 3)), np.empty((3, 3))
@@ -201,9 +236,16 @@ def _fixes(origins: FloatArray, directions: FloatArray, whiteners: FloatArray, r
     x, trial, step = np.empty(3), np.empty(3), np.empty(3)
     for n in range(draws):
         u, w = directions[n], whiteners[n]
-        total = _start(origins, u, w, reach, x, m, v)
+        total = math.inf
+        if information[0, 0] > 0:
+            for i in range(3):
+                x[i] = mean[i]
+            total = _normal_equations(origins, u, w, reach, x, m, v)
+        if total == math.inf:
+            total = _start(origins, u, w, reach, x, m, v)
         if total == math.inf:
             continue
+        total += _add_belief(mean, information, x, m, v)
         nearest = math.inf
         for k in range(views):
             nearest = min(nearest, abs(x[0] - origins[k, 0]) + abs(x[1] - origins[k, 1]) + abs(x[2] - origins[k, 2]))
@@ -215,6 +257,7 @@ def _fixes(origins: FloatArray, directions: FloatArray, whiteners: FloatArray, r
             for i in range(3):
                 trial[i] = x[i] + step[i]
             new_total = _normal_equations(origins, u, w, reach, trial, trial_m, trial_v)
+            new_total += _add_belief(mean, information, trial, trial_m, trial_v)
             if new_total <= total:
                 total = new_total
                 x, trial = trial, x

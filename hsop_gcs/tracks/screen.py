@@ -55,6 +55,8 @@ def _no_position(report: Report) -> Refusal | None:
         return Refusal(RefusalKind.INVALID, "velocity_sigma_mps", f"{sigma_mps} is not a standard deviation")
     if report.covariance_m2 is not None and not _is_covariance(report.covariance_m2):
         return Refusal(RefusalKind.INVALID, "covariance_m2", f"{report.covariance_m2} is not a covariance")
+    if report.common_m2 is not None and not _is_part(report.common_m2, report.covariance_m2):
+        return Refusal(RefusalKind.INVALID, "common_m2", f"{report.common_m2} is no part of the report's covariance")
     return None
 
 
@@ -71,3 +73,13 @@ def _is_covariance(matrix: Matrix3) -> bool:
         return False
     yy, yz, zz = yy - xy * xy / xx, yz - xy * xz / xx, zz - xz * xz / xx
     return yy > 0 and zz - yz * yz / yy > 0
+
+
+def _is_part(common: Matrix3, matrix: Matrix3 | None) -> bool:
+    """Whether what is left of a covariance without the common part is one."""
+    if matrix is None or [len(row) for row in common] != [3, 3, 3]:
+        return False
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = [
+        (a[0] - b[0], a[1] - b[1], a[2] - b[2]) for a, b in zip(matrix, common, strict=True)
+    ]
+    return _is_covariance(((xx, xy, xz), (yx, yy, yz), (zx, zy, zz)))

@@ -1,5 +1,6 @@
 """The closed loop against the truth: seeded missions flown headless, tracks beside true threats."""
 
+import itertools
 import math
 from collections import Counter
 from dataclasses import dataclass, field
@@ -186,18 +187,19 @@ def consistency(visits: list[list[float]], size: int) -> Consistency:
     """Return the mean NEES of all visits with its bounds.
 
     Samples of one visit hang together. N of them are worth N / (1 + 2 Σ ρ), with their autocorrelation ρ pooled over
-    all visits and summed up to the lag at which it is first not above 0, or five seconds.
+    all visits. Hosts whose images alternate make every second ρ small: the sum ends with the first two neighbours that
+    are not above 0 together, or after five seconds. Source: Geyer, Practical Markov chain Monte Carlo, 1992, 3.3.
     """
     values = [np.array(visit) - np.mean(np.concatenate([np.array(each) for each in visits])) for visit in visits]
     count = sum(len(each) for each in values)
     variance = sum(float(each @ each) for each in values) / count
-    correlated = 0.0
+    rho = [1.0]
     for lag in range(1, LAGS + 1):
         products = [float(each[:-lag] @ each[lag:]) for each in values if len(each) > lag]
         pairs = sum(len(each) - lag for each in values if len(each) > lag)
-        if not pairs or (rho := sum(products) / pairs / variance) <= 0:
-            break
-        correlated += rho
+        rho.append(sum(products) / pairs / variance if pairs else 0.0)
+    together = [one + other for one, other in zip(rho[::2], rho[1::2], strict=True)]
+    correlated = sum(itertools.takewhile(lambda both: both > 0, together)) - 1.0
     samples = count / (1 + 2 * correlated)
     low, high = (float(chi2.ppf(share, size * samples)) / samples for share in (0.025, 0.975))
     return Consistency(mean=float(np.mean(np.concatenate(visits))), low=low, high=high, samples=samples)

@@ -81,6 +81,7 @@ def test_a_known_threat_that_passes_a_host_does_not_vanish() -> None:
 
 
 NAN = float("nan")
+UNIT_M2 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 @pytest.mark.parametrize(
@@ -90,6 +91,10 @@ NAN = float("nan")
         (report(0, 0, velocity_mps=(0.0, NAN, 0.0)), "velocity"),
         (report(0, 0, sigma_m=-1.0), "sigma_m"),
         (report(0, 0, covariance_m2=((1.0, 2.0, 0.0), (2.0, 1.0, 0.0), (0.0, 0.0, 1.0))), "covariance_m2"),
+        (
+            report(0, 0, covariance_m2=UNIT_M2, common_m2=((1.0, 0.5, 0.0), (0.5, 1.0, 0.0), (0.0, 0.0, 0.0))),
+            "common_m2",
+        ),
         (bearing(0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.1), "direction"),
         (bearing(0, (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.0), "sigma_rad"),
         (bearing(0, (NAN, 0.0, 0.0), (0.0, 1.0, 0.0), 0.1), "origin_m"),
