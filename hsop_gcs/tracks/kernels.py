@@ -305,11 +305,14 @@ def assigned(cost: FloatArray) -> IntArray:
     rows. Source: Crouse, On implementing 2D rectangular assignment algorithms, 2016.
     """
     count, width = cost.shape
-    of_row, of_column = np.zeros(count), np.zeros(width)
-    row_at, column_at = np.full(width, -1), np.full(count, -1)
-    via = np.empty(width, np.int64)
+    room, places = np.zeros((3, width)), np.empty((2, width), np.int64)
+    of_row, of_column, least, row_at, via = room[0], room[1], room[2], places[0], places[1]
+    column_at, reached = np.empty(count, np.int64), np.empty(width, np.bool_)
+    for column in range(width):
+        row_at[column] = -1
     for start in range(count):
-        least, reached = np.full(width, np.inf), np.zeros(width, np.bool_)
+        for other in range(width):
+            least[other], reached[other] = np.inf, False
         row, column, length = start, -1, 0.0
         while row >= 0:
             nearest, shortest = -1, np.inf

@@ -24,9 +24,10 @@ from hsop_gcs.tracks.track import Binding, Track, TrackStatus
 
 def unknown(table: Table, count: int) -> None:
     """Add the facts of tracks that have not been told anything."""
-    table.facts = _with_room(table, count)
-    for facts in table.facts[-count:]:
+    new = np.empty((count, kernels.FACTS))
+    for facts in new:
         track_kernels.unknown(facts, table.numbers)
+    table.facts = np.concatenate((table.facts, new))
 
 
 def tell(
@@ -60,15 +61,15 @@ def take(
     ``rows``: of the scan. ``hinted``: see ``associate.hints``. Return the row of the track of each in the table, where
     new ones await their names; nothing if nothing was done.
     """
-    log, known = table.log, len(table.names)
+    log, count = table.log, len(scan)
     for index, track in hinted.items():
         rows[index, kernels.HINT] = track + 1
-    facts, tracks = _with_room(table, len(scan)), np.empty(len(scan), np.int64)
-    end = log.make_room(len(scan))
+    facts, tracks = np.empty((len(table.facts) + count, kernels.FACTS)), np.empty(count, np.int64)
+    end = log.make_room(count)
     total = track_kernels.take(
         *log.steps,
+        table.facts,
         facts,
-        known,
         rows,
         tracks,
         end,
@@ -125,11 +126,3 @@ def release(table: Table, binding: Binding) -> None:
             for name in table.names
         ]
     )
-
-
-def _with_room(table: Table, count: int) -> FloatArray:
-    """The table's facts, with room for those of more tracks."""
-    known = len(table.facts)
-    facts = np.empty((known + count, kernels.FACTS))
-    facts[:known] = table.facts
-    return facts

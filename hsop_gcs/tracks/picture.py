@@ -104,7 +104,9 @@ class _Work:
         self._hosts_m, self._clock = hosts_m, clock
         self._places_m = np.array(list(hosts_m.values())) if hosts_m else _NO_PLACES
         self._tallies: dict[str, Tally] = {}
+        self._any_id = False
         for each in measurements:
+            self._any_id |= each.threat_id is not None or each.track_id is not None
             tally = self._tallies.get(each.source)
             if tally is None:
                 tally = self._tallies[each.source] = Tally(self._sources.get(each.source), now_s)
@@ -116,6 +118,8 @@ class _Work:
 
     def is_simple(self) -> bool:
         """Whether all measurements are of one source, and of different ids."""
+        if not self._any_id:
+            return len(self._tallies) == 1
         ids = [each.threat_id for each in self._measurements if each.threat_id is not None]
         return len(self._tallies) == 1 and len(set(ids)) == len(ids)
 
@@ -143,14 +147,15 @@ class _Work:
         False, and nothing is done, if they must be screened or weighed.
         """
         chosen = [self._measurements[index] for index in scan]
-        rows, hinted = rows_of(chosen, self._rules), hints(self._table, chosen)
+        rows, hinted = rows_of(chosen, self._rules), hints(self._table, chosen) if self._any_id else {}
         known = len(self._table.names)
         tracks = take(self._table, chosen, rows, hinted, hosts_m=self._places_m, clock=self._clock, now_s=self._now_s)
         if not tracks:
             return False
         if len(self._table.facts) > known:
             self._christen([each for each, row in zip(chosen, tracks, strict=True) if row >= known])
-        bind(self._table, tracks, chosen)
+        if self._any_id:
+            bind(self._table, tracks, chosen)
         self._accept(scan, tracks)
         return True
 
@@ -185,7 +190,8 @@ class _Work:
 
     def _accept(self, indices: Sequence[int], tracks: Sequence[int]) -> None:
         names = self._table.names
-        self.verdicts.update(zip(indices, [names[row].id for row in tracks], strict=True))
+        for index, row in zip(indices, tracks, strict=True):
+            self.verdicts[index] = names[row].id
         self._tallies[self._measurements[indices[0]].source].accepted += len(indices)
 
     def _christen(self, reports: Sequence[Measurement]) -> None:

@@ -214,7 +214,7 @@ def take(
     rows: FloatArray,
     before: IntArray,
     facts: FloatArray,
-    known: int,
+    then: FloatArray,
     seen: FloatArray,
     tracks: IntArray,
     end: int,
@@ -226,13 +226,15 @@ def take(
 ) -> int:
     """Tell tracks what the reports of a scan say, and begin tracks with those that are of none.
 
-    ``facts``: of ``known`` tracks, with room for as many more as there are reports. ``tracks`` (n,) is filled with the
-    row of the track of each, and steps from ``end`` on are what follows from them, in the same order. Returns how many
-    tracks there are then; -1, and nothing is done, if there is more to weigh than distances: what ``_plain`` refuses,
-    names that are not followed at once, and what is not newer than a track by more than a scan.
+    ``facts``: of the tracks there are; ``then``, with room for as many more as there are reports, is filled with what
+    they are afterwards. ``tracks`` (n,) is filled with the row of the track of each, and steps from ``end`` on are what
+    follows from them, in the same order. Returns how many tracks there are then; -1, and no track is changed, if there
+    is more to weigh than distances: what ``_plain`` refuses, names that are not followed at once, and what is not newer
+    than a track by more than a scan.
     """
     if not _plain(seen, hosts_m, now_s, max_future_s, max_age_s, rules):
         return -1
+    known = len(facts)
     at, taken, free = np.full(len(seen), -1), np.zeros(known, np.bool_), np.empty_like(seen)
     count = 0
     for n in range(len(seen)):
@@ -250,7 +252,7 @@ def take(
             limit = rules[POSITION_LIMIT if seen[n, DIMENSIONS] == 3 else VELOCITY_LIMIT]
             if at[n] >= 0 and not squared[n] < limit:
                 return -1
-    cost, doubtful = in_gates(times_s, means, covariances, facts[:known], free[:count], rules[PSD], rules[SCAN])
+    cost, doubtful = in_gates(times_s, means, covariances, facts, free[:count], rules[PSD], rules[SCAN])
     for pair in range(len(doubtful)):
         if not taken[doubtful[pair, 1]]:
             return -1
@@ -258,6 +260,9 @@ def take(
         for track in range(known):
             if taken[track]:
                 cost[n, track] = FORBIDDEN
+    for track in range(known):
+        for i in range(FACTS):
+            then[track, i] = facts[track, i]
     nearest, total, count = assigned(cost), known, 0
     for n in range(len(seen)):
         if tracks[n] >= 0:
@@ -267,13 +272,13 @@ def take(
             at[n] = int(facts[tracks[n], NEWEST])
         else:
             tracks[n] = total
-            unknown(facts[total], rules)
+            unknown(then[total], rules)
             total += 1
         count += 1
     correct(times_s, means, covariances, rows, before, at, seen, end, rules)
     for n in range(len(seen)):
         at[n] = end + n
-    live(times_s, covariances, before, facts, tracks, at, seen, now_s, rules)
+    live(times_s, covariances, before, then, tracks, at, seen, now_s, rules)
     return total
 
 
@@ -293,4 +298,4 @@ def warm_up() -> None:
     aged(log[0], facts, 0.0, rules)
     status_at(TENTATIVE, 0.0, 0.0, rules)
     unknown(facts[0], rules)
-    take(*log, facts, 1, seen, first, 1, np.empty((0, 3)), 1.0, 1.0, 1.0, rules)
+    take(*log, facts[:1], facts, seen, first, 1, np.empty((0, 3)), 1.0, 1.0, 1.0, rules)
