@@ -12,6 +12,8 @@ from hsop_gcs.errors import BadInput
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from matplotlib.figure import Figure
+
     from hsop_gcs.placement.problem import Problem
     from hsop_gcs.placement.solution import Placement
 
@@ -166,6 +168,7 @@ def _frontier(
 
     if time_limit_s is None:
         time_limit_s = TIME_LIMIT_S * (2 * len(problem.threats) - 1)
+    figure = None if plot is None else new_figure(7, 6)
     _load_kernels()
     placements = frontier(problem, seed=seed, time_limit_s=time_limit_s, iterations=iterations, now=time.monotonic)
     text = json.dumps(frontier_to_json(placements), indent=2)
@@ -177,8 +180,9 @@ def _frontier(
         reason = place(problem, seed=seed, iterations=1, now=time.monotonic).reason
         typer.echo(f"hsop-gcs: infeasible: {reason or 'no number of hosts has a placement'}", err=True)
         raise SystemExit(INFEASIBLE_EXIT)
-    if plot is not None:
-        _plot(plot, placements)
+    if figure is not None and plot is not None:
+        _draw(figure, placements)
+        save(figure, plot)
     if not as_json:
         _print_frontier(problem, placements)
 
@@ -258,10 +262,9 @@ def _print_frontier(problem: "Problem", placements: "Mapping[int, Placement]") -
     Console().print(table)
 
 
-def _plot(path: Path, placements: "Mapping[int, Placement]") -> None:
+def _draw(figure: "Figure", placements: "Mapping[int, Placement]") -> None:
     from hsop_gcs.placement.solution import mean_error_m, worst_error_m
 
-    figure = new_figure(7, 6)
     above, below = figure.subplots(2, 1, sharex=True)
     numbers = list(placements)
     above.plot(numbers, [placement.cost for placement in placements.values()], "o-", label="cost")
@@ -276,4 +279,3 @@ def _plot(path: Path, placements: "Mapping[int, Placement]") -> None:
         axes.set_ylim(bottom=0)
         axes.grid(alpha=0.3)
         axes.legend()
-    save(figure, path)

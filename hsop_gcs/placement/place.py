@@ -139,6 +139,10 @@ def _check(problem: Problem, n_hosts: int | None, method: Method, *, letters_own
     most = 2 * len(problem.threats)
     if not problem.threats:
         raise BadInput("threats", "there are none to place hosts for")
+    for threat in problem.threats:
+        # compiled kernels would not notice, and look for hosts outside their arrays
+        if not all(map(math.isfinite, (*threat.position_m, *threat.velocity_mps, threat.size_m, threat.weight))):
+            raise BadInput("threats", f"{threat.id!r} has a number that is not finite: {threat}")
     if n_hosts is not None and not 2 <= n_hosts <= most:
         raise BadInput(
             "n_hosts",

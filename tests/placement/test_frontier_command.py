@@ -1,6 +1,8 @@
 """``hsop-gcs plan --frontier`` and ``--target-error`` as their users run them."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -38,6 +40,20 @@ def test_a_frontiers_plans_go_to_stdout_into_the_file_and_into_a_picture(tmp_pat
         assert verdict["ok"], verdict["problems"]
         costs.append(row["cost"])
     assert costs == sorted(costs, reverse=True)
+
+
+def test_without_matplotlib_a_picture_is_refused_before_the_search_begins(tmp_path: Path) -> None:
+    without = "import sys; sys.modules['matplotlib'] = None; from hsop_gcs.cli import main; main()"
+    drawn = str(tmp_path / "frontier.png")
+    ran = subprocess.run(
+        [sys.executable, "-c", without, "plan", TWO, "--frontier", "--time-limit", "1000", "--plot", drawn],
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
+    )
+    assert ran.returncode == 2
+    assert "--plot: needs matplotlib; install hsop-gcs[plots]" in ran.stderr
 
 
 def test_the_same_rounds_give_the_same_frontier_in_another_process() -> None:

@@ -233,6 +233,8 @@ def test_a_number_of_hosts_that_cannot_all_be_used_is_bad_input(n_hosts: int) ->
 def test_what_the_method_cannot_do_is_bad_input() -> None:
     with pytest.raises(BadInput, match="threats"):
         place(Problem(threats=()), method=Method.LETTER, now=unhurried)
+    with pytest.raises(BadInput, match="threats: 't1' has a number that is not finite"):
+        place(still((0.0, float("nan"))), now=unhurried)
     with pytest.raises(BadInput, match="initial observers"):
         place(still((0.0, 0.0)), initial_observers=True, now=unhurried)
     with pytest.raises(BadInput, match="objective: 'rms'"):
