@@ -40,6 +40,6 @@ class DetectionRules:
     """How fast, each axis, a threat may move that nothing is known of."""
     nearest_m: float = 1.0
     farthest_m: float = 200.0
-    """From each host to a threat that its rays may begin."""
+    """From each host to a threat that its rays may begin; rays that know a threat's place no better fix nothing."""
     widest_share: float = 0.5
-    """Rays whose meeting is less certain than this part of its distance from the nearest host fix nothing."""
+    """Rays whose meeting is less certain than this part of its distance from the nearest host begin nothing."""
