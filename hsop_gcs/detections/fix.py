@@ -28,7 +28,8 @@ class Fix:
     ranges_m: FloatArray
     """(rays,), from each ray's origin."""
     misfit: float
-    """Sum of squared distances from the rays, in standard deviations."""
+    """Sum of squared distances of the rays from where they meet, in standard deviations; NaN where no place lies ahead
+    of all cameras."""
 
     @property
     def sigma_m(self) -> float:
@@ -65,18 +66,19 @@ def fix_of(rays: Sequence[Ray], time_s: float, belief: Belief, rules: DetectionR
         return None
     away_m = np.linalg.norm(first - origins, axis=1)
     widened = _rays(rays, blur_m / away_m)
-    likeliest = triangulate(origins, widened, believed=belief.place)[0]
+    met = triangulate(origins, widened)[0]
+    misfit = float(np.square(_misses(widened, met - origins)[0]).sum())
+    if misfit > threshold(2 * len(rays) - 3, rules.misfit_probability):
+        return None
+    likeliest = met if belief.place is NOWHERE else triangulate(origins, widened, believed=belief.place)[0]
     spread = covariance(origins, widened, likeliest)[0]
     if not (np.isfinite(likeliest).all() and np.isfinite(spread).all()):
         return None
     ranges_m = np.linalg.norm(likeliest - origins, axis=1)
-    _, changes = _misses(widened, likeliest - origins)
-    misfit = float(np.square(_misses(widened, triangulate(origins, widened)[0] - origins)[0]).sum())
-    if misfit > threshold(2 * len(rays) - 3, rules.misfit_probability):
-        return None
     widest_m = rules.widest_share * ranges_m.min() if belief.place is NOWHERE else rules.farthest_m
     if np.trace(spread) > widest_m**2:
         return None
+    _, changes = _misses(widened, likeliest - origins)
     position = likeliest + spread @ belief.place.information @ (likeliest - belief.place.mean_m)
     return Fix(position, spread, _common(widened, changes, spread, rules.host_sigma_m / away_m), ranges_m, misfit)
 

@@ -75,8 +75,9 @@ class PoseHistory:
         """
         _require_near(self.positions, time_s, limit_s, "position")
         _require_near(self.attitudes, time_s, limit_s, "attitude")
-        (heading_deg, roll_deg, pitch_deg), open_deg2 = _angles_at(self.attitudes, time_s)
-        turning_deg2 = _misdated(self.attitudes, time_s)
+        attitude, open_deg2 = _angles_at(self.attitudes, time_s)
+        turning_deg2 = _misdated(self.attitudes, time_s, attitude)
+        heading_deg, roll_deg, pitch_deg = attitude
         pose = Pose(
             position_m=_position_at(self.positions, time_s),
             heading_deg=heading_deg % 360.0,
@@ -86,10 +87,10 @@ class PoseHistory:
         )
         if _outside_s(self.aims, time_s) > limit_s:
             return pose
-        (pan_deg, tilt_deg, _), open_deg2 = _angles_at(self.aims, time_s)
+        looking, open_deg2 = _angles_at(self.aims, time_s)
         # where the gimbal looks in the earth's frame hangs on the nose as well
-        open_deg2 += sum(_misdated(self.aims, time_s)) + turning_deg2[0]
-        aim = Aim(pan_deg=pan_deg % 360.0, tilt_deg=tilt_deg)
+        open_deg2 += sum(_misdated(self.aims, time_s, looking)) + turning_deg2[0]
+        aim = Aim(pan_deg=looking[0] % 360.0, tilt_deg=looking[1])
         return replace(pose, aim=aim, aim_sigma_rad=_across_rad(open_deg2))
 
 
@@ -163,9 +164,8 @@ def _angles_at(series: Series, time_s: float) -> tuple[Vector3, float]:
     return _interpolated(series, time_s), variance
 
 
-def _misdated(series: Series, time_s: float) -> Vector3:
-    """Return the variances of angles, square degrees, that are as wrong as their samples are wrongly dated."""
-    angles = _interpolated(series, time_s)
+def _misdated(series: Series, time_s: float, angles: Vector3) -> Vector3:
+    """Return the variances of the angles at a time, square degrees: they are as wrong as samples are wrongly dated."""
     early, late = (_steps(angles, _interpolated(series, time_s + off_s)) for off_s in (-_OFF_S, _OFF_S))
     x, y, z = ((a * a + b * b) / 6 for a, b in zip(early, late, strict=True))
     return (x, y, z)
