@@ -1,24 +1,25 @@
 """A running service for tests: real HTTP, real UDP, in a thread of its own."""
 
 import asyncio
-import socket
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
+from dataclasses import asdict
 from datetime import UTC, datetime, timedelta
 from typing import Any, TypeVar
 
 import httpx2
 
+from hsop_gcs import loopback
 from hsop_gcs.app import running_service
 from hsop_gcs.settings import Settings
 
 T = TypeVar("T")
 
-ORIGIN = {"lat_deg": 47.397742, "lon_deg": 8.545594, "altitude_amsl_m": 488.0}
+ORIGIN = asdict(loopback.ORIGIN)
 
 
 def settings(count: int = 2, udp_port: int = 0, autonomy: str = "confirm", **planning: Any) -> Settings:
@@ -80,9 +81,8 @@ def simulated_fleet(udp_port: int, vehicles: int = 4, *options: str) -> Iterator
 
 
 def free_udp_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    (port,) = loopback.free_udp_ports(1)
+    return port
 
 
 def wait_until(look: Callable[[], T | None], *, limit_s: float = 30.0) -> T:

@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any
@@ -14,13 +14,13 @@ import numpy as np
 
 from hsop_gcs.bench.traffic import Heard
 from hsop_gcs.errors import Unavailable
-from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
+from hsop_gcs.geometry.frames import LocalFrame
+from hsop_gcs.loopback import ORIGIN, report
 
 HELD_AT_ONCE = 10
 HOLD_EVERY_S = 1.0
 TURNS_AFTER_S = 30.0
 REPORT_EVERY_S = 0.5
-ORIGIN = GeodeticPoint(lat_deg=47.397742, lon_deg=8.545594, altitude_amsl_m=488.0)
 HEIGHT_M = 40.0
 
 
@@ -69,21 +69,9 @@ class Threat:
         ahead_s, sign = (TURNS_AFTER_S - after_s, -1.0) if laps % 2 else (after_s, 1.0)
         enu = [p + v * ahead_s for p, v in zip(self.position_m, self.velocity_mps, strict=True)]
         place = LocalFrame(ORIGIN).to_geodetic(np.array([*enu, HEIGHT_M]))
-        report = {
-            "source": "bench",
-            "threat_id": self.name,
-            "time": datetime.fromtimestamp(now_s, UTC).isoformat(),
-            "position": {
-                "lat_deg": place.lat_deg,
-                "lon_deg": place.lon_deg,
-                "altitude_m": place.altitude_amsl_m,
-                "altitude_datum": "amsl",
-            },
-            "sigma_m": 1.0,
-        }
         east_mps, north_mps = (sign * each for each in self.velocity_mps)
         known = {"velocity": {"east_mps": east_mps, "north_mps": north_mps, "up_mps": 0.0}} if velocity else {}
-        return report | known
+        return report("bench", self.name, now_s, place, sigma_m=1.0) | known
 
 
 def random_threat(name: str, rng: np.random.Generator) -> Threat:

@@ -9,7 +9,6 @@ orders the first waypoint, in autonomy ``auto``, with everything in between.
 
 import math
 import multiprocessing
-import socket
 import tempfile
 import time
 from collections import defaultdict
@@ -23,7 +22,7 @@ from typing import Any
 import httpx2
 import numpy as np
 
-from hsop_gcs.bench.console import HEIGHT_M, ORIGIN, REPORT_EVERY_S, Console, Listener, post, random_threat
+from hsop_gcs.bench.console import HEIGHT_M, REPORT_EVERY_S, Console, Listener, post, random_threat
 from hsop_gcs.bench.process import Service, running
 from hsop_gcs.bench.traffic import Heard, run
 from hsop_gcs.errors import Unavailable
@@ -31,6 +30,7 @@ from hsop_gcs.geometry.frames import LocalFrame
 from hsop_gcs.link.enums import MavCmd
 from hsop_gcs.link.protocol.gimbal import GimbalTolerances
 from hsop_gcs.link.protocol.heartbeat import HEARTBEAT_PERIOD_S
+from hsop_gcs.loopback import ORIGIN, free_udp_ports
 
 SPACING_M = 15.0
 PLANNED = 4
@@ -238,7 +238,7 @@ def _clear(client: httpx2.Client, rng: np.random.Generator) -> None:
 @contextmanager
 def _setup(vehicles: int, autonomy: str, step: Step) -> Iterator[tuple[Service, httpx2.Client, Listener]]:
     """Run the service and the fleet, and wait until every vehicle can be sent and the planner is ready."""
-    ports = _free_udp_ports(vehicles)
+    ports = free_udp_ports(vehicles)
     step("starting the service")
     with tempfile.TemporaryDirectory(prefix="hsop-gcs-bench-") as folder:
         config = Path(folder, "fleet.toml")
@@ -298,14 +298,3 @@ autonomy = "{autonomy}"
         for number, port in enumerate(ports, start=1)
     ]
     return head + "".join(hosts)
-
-
-def _free_udp_ports(count: int) -> list[int]:
-    probes = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
-    try:
-        for probe in probes:
-            probe.bind(("127.0.0.1", 0))
-        return [int(probe.getsockname()[1]) for probe in probes]
-    finally:
-        for probe in probes:
-            probe.close()

@@ -21,10 +21,11 @@ from typing import Any
 
 import numpy as np
 
-from hsop_gcs.bench.console import ORIGIN, Threat
+from hsop_gcs.bench.console import Threat
 from hsop_gcs.bench.link import Spread, spread
 from hsop_gcs.bench.process import Service, running
 from hsop_gcs.errors import Unavailable
+from hsop_gcs.loopback import ORIGIN
 
 _REACH_M = 500.0
 _MAX_SPEED_MPS = 10.0
