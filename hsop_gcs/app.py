@@ -16,7 +16,6 @@ from hsop_gcs.api import create_api
 from hsop_gcs.api.placements import WhatIf
 from hsop_gcs.errors import Unavailable
 from hsop_gcs.geometry import triangulation
-from hsop_gcs.journal import Journal
 from hsop_gcs.link.codec import message_ids
 from hsop_gcs.link.guest_port import GuestPort
 from hsop_gcs.link.key_files import TimestampFile, read_key
@@ -24,7 +23,7 @@ from hsop_gcs.link.pump import Link
 from hsop_gcs.link.signing import Signing, SigningClock
 from hsop_gcs.link.tlog import TlogWriter, create_tlog
 from hsop_gcs.mission.controller import Mission
-from hsop_gcs.mission.records import recover
+from hsop_gcs.mission.records import resumed
 from hsop_gcs.mission.solver import Solver
 from hsop_gcs.settings import Settings
 from hsop_gcs.tracks import track_kernels
@@ -43,8 +42,7 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
         journal, recovered = None, None
         if settings.service.journal is not None:
             path = Path(settings.service.journal)
-            journal = stack.enter_context(Journal(path))
-            recovered = recover(path)
+            journal, recovered = stack.enter_context(resumed(path))
             if journal.repair is not None:
                 log.warning("journal %s: its last line was torn; %d bytes were cut off", path, journal.repair.bytes_cut)
         solver = await stack.enter_async_context(Solver())

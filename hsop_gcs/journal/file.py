@@ -12,7 +12,7 @@ import fcntl
 import json
 import os
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,9 +43,11 @@ class Repair:
 class Journal:
     """Appends entries to a file. Opening an existing one repairs its end and goes on with its numbers."""
 
-    def __init__(self, path: Path) -> None:
-        """Open or create. Raises Unavailable if the file cannot be written or another process writes it, BadInput if it
-        is damaged elsewhere.
+    def __init__(self, path: Path, on_entry: Callable[[Entry], None] = lambda _entry: None) -> None:
+        """Open or create. on_entry: given each entry that is there already, in order.
+
+        Raises Unavailable if the file cannot be written or another process writes it, BadInput if it is damaged
+        elsewhere than at its end, and what ``on_entry`` raises.
         """
         self.path = path
         self.repair: Repair | None = None
@@ -56,15 +58,16 @@ class Journal:
             with ExitStack() as on_failure:
                 on_failure.callback(self._file.close)
                 fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                self._continue()
+                self._continue(on_entry)
                 on_failure.pop_all()
         except BlockingIOError as error:
             raise Unavailable(f"journal {str(path)!r}: another process writes it") from error
         except OSError as error:
             raise Unavailable(f"journal {str(path)!r}: {error.strerror}") from error
 
-    def _continue(self) -> None:
+    def _continue(self, on_entry: Callable[[Entry], None]) -> None:
         for entry, end in _entries(self.path):
+            on_entry(entry)
             self._number, self._end = entry.number, end
         torn = self.path.stat().st_size - self._end
         if torn:

@@ -1,13 +1,14 @@
 """Inputs as the journal holds them: a kind and plain JSON, there and back without losing a bit."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from pydantic import TypeAdapter
 
 from hsop_gcs.errors import BadInput
-from hsop_gcs.journal import read
+from hsop_gcs.journal import Entry, Journal, read
 from hsop_gcs.link import events
 from hsop_gcs.link.events import Event
 from hsop_gcs.mission.core import MissionState, apply
@@ -91,9 +92,17 @@ def read_inputs(path: Path) -> Iterator[tuple[int, Input]]:
         yield entry.number, from_record(entry.kind, entry.data, entry.time_s)
 
 
-def recover(path: Path) -> MissionState:
-    """Return the mission as its journal left it."""
+@contextmanager
+def resumed(path: Path) -> Iterator[tuple[Journal, MissionState]]:
+    """Open a mission's journal, or begin one; yields it with the mission as it left it.
+
+    Raises what ``Journal`` does, and BadInput for a journal of something else.
+    """
     state = MissionState()
-    for _, given in read_inputs(path):
-        state = apply(state, given)
-    return state
+
+    def take(entry: Entry) -> None:
+        nonlocal state
+        state = apply(state, from_record(entry.kind, entry.data, entry.time_s))
+
+    with Journal(path, take) as journal:
+        yield journal, state

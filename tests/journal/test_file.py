@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hsop_gcs.errors import BadInput, Unavailable
-from hsop_gcs.journal import Journal, read
+from hsop_gcs.journal import Entry, Journal, read
 
 values = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
@@ -41,6 +41,22 @@ def test_a_journal_goes_on_where_it_ended(tmp_path: Path) -> None:
         assert journal.repair is None
         assert journal.append("plan", None, time_s=0.0) == 4
     assert [entry.number for entry in read(tmp_path / "j")] == [1, 2, 3, 4]
+
+
+def test_opening_tells_what_is_there_and_leaves_it_alone_if_that_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "j"
+    torn = written(path, 3)[:-1]
+    path.write_bytes(torn)
+
+    def refuse(entry: Entry) -> None:
+        raise BadInput(entry.kind, "is of another program")
+
+    with pytest.raises(BadInput, match="another program"):
+        Journal(path, refuse)
+    assert path.read_bytes() == torn
+    told: list[Entry] = []
+    with Journal(path, told.append):
+        assert [entry.data["k"] for entry in told] == [0, 1]
 
 
 def test_a_line_torn_at_any_byte_is_cut_off_and_told(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from hsop_gcs.mission.controller import Mission
 from hsop_gcs.mission.core import MissionState, Wish
 from hsop_gcs.mission.inputs import HostSetAside, HostStopped, Rules, WishLapsed
 from hsop_gcs.mission.planning import Decision, PlanningRules, Situation
-from hsop_gcs.mission.records import recover
+from hsop_gcs.mission.records import resumed
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.placement.airspace import Airspace, KeepOut
 from hsop_gcs.placement.problem import Formulation, Objective, Point
@@ -384,12 +384,12 @@ def test_a_recall_that_was_not_heard_outlasts_the_service(tmp_path: Path) -> Non
     path = tmp_path / "journal"
     with Journal(path) as journal:
         ended = flown(recalled_unheard, duration_s=15.0, faults=(parse_fault("h1:link-cut@7+10", 2),), journal=journal)
-    recovered = recover(path)
-    assert recovered == ended.state
-    assert recovered.pending["h1"].wish is Wish.RECALL
-    with Journal(path) as journal:
+    with resumed(path) as (journal, recovered):
+        assert recovered == ended.state
+        assert recovered.pending["h1"].wish is Wish.RECALL
         again = flown(lambda _moment: None, duration_s=6.0, recovered=recovered, journal=journal)
     modes = [again.vehicle(host).state.mode for host in again.fleet.hosts]
     assert modes == ["Return", "Hold"], "the one that had confirmed is not ordered again"
     assert again.state.pending == {}
-    assert recover(path) == again.state
+    with resumed(path) as (_, recovered):
+        assert recovered == again.state

@@ -10,7 +10,7 @@ import pytest
 from pymavlink import mavutil
 
 from hsop_gcs.journal import Journal, read
-from hsop_gcs.mission.records import recover
+from hsop_gcs.mission.records import resumed
 from hsop_gcs.replay import replay
 from hsop_gcs.replay.telemetry import retell
 from hsop_gcs.settings import Settings
@@ -103,8 +103,8 @@ def test_a_service_goes_on_where_its_journal_ended_and_sends_nothing_twice(recor
     shutil.copy(recorded, path)
     with path.open("ab") as file:
         file.write(b'{"n": 1000, "t": 17')
-    before = recover(recorded)
-    assert before.progress
+    with resumed(recorded) as (_, before):
+        assert before.progress
     port = free_udp_port()
     with service(with_journal(path, port)) as client, simulated_fleet(port, 2):
         wait_until(lambda: client.get("/api/v1/health").json()["hosts_available"] == 2)
