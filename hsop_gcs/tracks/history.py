@@ -18,6 +18,9 @@ from hsop_gcs.tracks.kernels import IntArray
 from hsop_gcs.tracks.measured import numbers_of
 from hsop_gcs.tracks.rules import TrackRules
 
+_ROOM = 256
+"""Steps that a log has room for at least, before its past is left behind."""
+
 
 class Arrays(NamedTuple):
     """Steps side by side, as the kernels take them, with room for more."""
@@ -40,7 +43,7 @@ class Arrays(NamedTuple):
 class Log:
     """The steps of all tracks. It is only ever added to, so that pictures can share it."""
 
-    def __init__(self, room: int = 256) -> None:
+    def __init__(self, room: int = _ROOM) -> None:
         self.steps = Arrays.empty(room)
         self._full_at = room
         self.measurements: list[Measurement] = []
@@ -91,7 +94,7 @@ class Log:
     def without_the_past(self, newest: IntArray, memory_s: float) -> tuple["Log", IntArray]:
         """Return a log of nothing but what tracks remember, with room for more, and their newest steps in it."""
         kept, before, places = track_kernels.remembered(self.steps.times_s, self.steps.before, newest, memory_s)
-        log = Log(room=4 * len(kept) + 256)
+        log = Log(room=4 * len(kept) + _ROOM)
         for array, given in zip(log.steps, self.steps, strict=True):
             array[: len(kept)] = given[kept]
         log.steps.before[: len(kept)] = before
