@@ -9,6 +9,7 @@ Local ENU of the place where it was started, metres. What a stack does at the tu
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -29,15 +30,13 @@ _SOMEBODY_ELSE: Identity = (254, 190)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleConfig:
-    """One simulated aircraft. ``ready_after_s``: how long after boot its estimator has a position."""
+class AircraftConfig:
+    """What the aircraft of a fleet have in common: what they are like, and what happens to them."""
 
-    system: int
-    home: GeodeticPoint
-    heading_rad: float = 0.0
     airborne_m: float = 0.0
     """Start armed and hovering at this height above home; 0 starts on the ground."""
     ready_after_s: float = 2.0
+    """How long after boot the estimator has a position."""
     wander_m: float = 0.05
     """Bound of the slow wandering about the point where it means to hover."""
     flight: FlightLimits = field(default_factory=FlightLimits)
@@ -45,7 +44,16 @@ class VehicleConfig:
     battery: BatteryConfig = field(default_factory=BatteryConfig)
     wind: Wind = field(default_factory=Wind)
     gps: GpsError = field(default_factory=GpsError)
-    faults: tuple[Fault, ...] = ()
+    faults: Sequence[Fault] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleConfig(AircraftConfig):
+    """One simulated aircraft."""
+
+    system: int
+    home: GeodeticPoint
+    heading_rad: float = 0.0
 
 
 class Body:

@@ -12,7 +12,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from functools import partial
 from typing import Any
@@ -25,13 +25,9 @@ from hsop_gcs.link.codec import Decoder, Encoder, Frame
 from hsop_gcs.link.enums import MavComponent
 from hsop_gcs.link.signing import Signing, SigningClock
 from hsop_gcs.simulator.ardupilot import ArduCopter
-from hsop_gcs.simulator.battery import BatteryConfig
-from hsop_gcs.simulator.body import VehicleConfig
+from hsop_gcs.simulator.body import AircraftConfig, VehicleConfig
 from hsop_gcs.simulator.channel import Channel, Impairment
-from hsop_gcs.simulator.disturbances import GpsError, Wind
-from hsop_gcs.simulator.faults import Fault, FaultKind
-from hsop_gcs.simulator.flight import FlightLimits
-from hsop_gcs.simulator.gimbal import GimbalLimits
+from hsop_gcs.simulator.faults import FaultKind
 from hsop_gcs.simulator.px4 import Px4
 from hsop_gcs.simulator.vehicle import Vehicle
 
@@ -49,7 +45,7 @@ class Autopilot(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FleetConfig:
+class FleetConfig(AircraftConfig):
     """A simulated fleet. One home per vehicle; the first one's system id is 1."""
 
     autopilot: Autopilot
@@ -59,15 +55,6 @@ class FleetConfig:
     bind: str = "127.0.0.1"
     local_port: int = 14580
     """Port of the first vehicle, the others count up from it; 0 lets the system choose."""
-    airborne_m: float = 0.0
-    ready_after_s: float = 2.0
-    wander_m: float = 0.05
-    flight: FlightLimits = field(default_factory=FlightLimits)
-    gimbal: GimbalLimits = field(default_factory=GimbalLimits)
-    battery: BatteryConfig = field(default_factory=BatteryConfig)
-    wind: Wind = field(default_factory=Wind)
-    gps: GpsError = field(default_factory=GpsError)
-    faults: Sequence[Fault] = ()
     impairment: Impairment = field(default_factory=Impairment)
     signing_key: bytes | None = field(default=None, repr=False)
     """With it, vehicles sign what they send and believe only what is signed."""
@@ -284,19 +271,11 @@ def _itself(member: _Member) -> _Member:
 
 
 def _build(config: FleetConfig, number: int, now: float, seed: np.random.SeedSequence) -> Vehicle:
-    vehicle = VehicleConfig(
-        system=number + 1,
-        home=config.homes[number],
-        airborne_m=config.airborne_m,
-        ready_after_s=0.0 if config.airborne_m > 0 else config.ready_after_s,
-        wander_m=config.wander_m,
-        flight=config.flight,
-        gimbal=config.gimbal,
-        battery=config.battery,
-        wind=config.wind,
-        gps=config.gps,
-        faults=tuple(fault for fault in config.faults if fault.vehicle in (None, number + 1)),
-    )
+    common = {each.name: getattr(config, each.name) for each in fields(AircraftConfig)}
+    if config.airborne_m > 0:
+        common["ready_after_s"] = 0.0
+    common["faults"] = tuple(fault for fault in config.faults if fault.vehicle in (None, number + 1))
+    vehicle = VehicleConfig(system=number + 1, home=config.homes[number], **common)
     rng = np.random.default_rng(seed)
     return (
         Px4(vehicle, now=now, rng=rng) if config.autopilot == Autopilot.PX4 else ArduCopter(vehicle, now=now, rng=rng)
