@@ -43,8 +43,8 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
         if settings.service.journal is not None:
             path = Path(settings.service.journal)
             journal, recovered = stack.enter_context(resumed(path))
-            if journal.repair is not None:
-                log.warning("journal %s: its last line was torn; %d bytes were cut off", path, journal.repair.bytes_cut)
+            if journal.bytes_cut:
+                log.warning("journal %s: its last line was torn; %d bytes were cut off", path, journal.bytes_cut)
         solver = await stack.enter_async_context(Solver())
         # before the loop has anything to do: compiling would stop it for seconds
         track_kernels.warm_up()

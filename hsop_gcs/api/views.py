@@ -181,8 +181,7 @@ def health_out(mission: Mission, started_at_s: float) -> HealthOut:
 
 
 def _journal(journal: Journal, fault: str | None) -> JournalHealth:
-    repair = journal.repair
-    return JournalHealth(file=str(journal.path), bytes_cut=0 if repair is None else repair.bytes_cut, fault=fault)
+    return JournalHealth(file=str(journal.path), bytes_cut=journal.bytes_cut, fault=fault)
 
 
 def _reports(mission: Mission) -> ReportCounts:

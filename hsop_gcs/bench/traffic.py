@@ -23,6 +23,7 @@ from hsop_gcs.link.enums import (
     MavModeFlag,
     MavResult,
     MavState,
+    MavSysStatusSensor,
     MavType,
 )
 from hsop_gcs.link.messages import (
@@ -53,6 +54,7 @@ del RATES[EkfStatusReport]  # ArduPilot's
 RATE_HZ = sum(RATES.values())
 """Messages a second of one vehicle: a heartbeat and all that the service asks a PX4 for."""
 _HOLD = 0x0304_0000
+_SENSORS = MavSysStatusSensor.GPS | MavSysStatusSensor.AHRS | MavSysStatusSensor.PREARM_CHECK
 _LEVEL = GimbalFlags.ROLL_LOCK | GimbalFlags.PITCH_LOCK
 _TELL_EVERY_S = 0.05
 
@@ -96,9 +98,9 @@ class Vehicle:
             ),
             GimbalManagerStatus: GimbalManagerStatus(gimbal_device_id=1),
             SysStatus: SysStatus(
-                onboard_control_sensors_present=0x1020_0020,
-                onboard_control_sensors_enabled=0x1020_0020,
-                onboard_control_sensors_health=0x1020_0020,
+                onboard_control_sensors_present=_SENSORS,
+                onboard_control_sensors_enabled=_SENSORS,
+                onboard_control_sensors_health=_SENSORS,
                 voltage_battery=16000,
                 battery_remaining=90,
             ),

@@ -104,18 +104,3 @@ class FisheyeCamera:
             too_far = self.distorted_angle(middle) > target
             low, high = np.where(too_far, low, middle), np.where(too_far, middle, high)
         return np.asarray((low + high) / 2)
-
-    def back_project(self, pixels: npt.ArrayLike) -> FloatArray:
-        """Return the directions that pixels look in: the inverse of ``project``.
-
-        pixels: (n, 2): u, v. Returns unit vectors (n, 3), camera frame; NaN for pixels outside the lens's image circle.
-        OpenCV's own ``undistortPoints`` takes no θ_d above 90° and so loses the rim of a lens with k1 > 0.
-        """
-        points = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
-        offset = (points - (self.resolution_px - 1) / 2) / self.focal_length_px
-        distorted = np.hypot(offset[:, 0], offset[:, 1])
-        angle = self.undistorted_angle(distorted)
-        across = offset * np.divide(np.sin(angle), distorted, out=np.ones_like(angle), where=distorted > 0)[:, None]
-        rays = np.column_stack([across, np.cos(angle)])
-        rays[distorted >= self.distorted_angle(np.pi / 2)] = np.nan
-        return rays

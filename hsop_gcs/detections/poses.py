@@ -64,10 +64,6 @@ class PoseHistory:
     def with_aim(self, time_s: float, aim: Aim) -> "PoseHistory":
         return replace(self, aims=_appended(self.aims, time_s, (aim.pan_deg, aim.tilt_deg, 0.0)))
 
-    @property
-    def newest_position_m(self) -> Vector3 | None:
-        return self.positions[-1][1] if self.positions else None
-
     def at(self, time_s: float, limit_s: float) -> Pose:
         """Return the pose at ``time_s``. Raises Unusable if position or attitude are not known within ``limit_s``.
 

@@ -1,4 +1,4 @@
-"""A threat's position from two or more rays: Eqs. 5 and 6 as printed, and the maximum-likelihood fix."""
+"""A threat's position from two or more rays: Eq. 5 as printed, and the maximum-likelihood fix."""
 
 import math
 from typing import NamedTuple
@@ -45,13 +45,6 @@ def triangulate_eq5(
     return np.asarray(
         _eq5(np.asarray(origin_p_m, dtype=np.float64), first, np.asarray(origin_c_m, dtype=np.float64), second)
     )
-
-
-def error_scale_eq6(
-    distance_p_m: npt.ArrayLike, distance_c_m: npt.ArrayLike, angle_rad: npt.ArrayLike
-) -> npt.NDArray[np.float64]:
-    """Return ‖r_t/p‖ ‖r_t/c‖ / sin θ, the geometry's factor of the localization error (Eq. 6), square metres."""
-    return np.asarray(np.multiply(distance_p_m, distance_c_m) / np.sin(angle_rad))
 
 
 def triangulate(

@@ -32,14 +32,6 @@ class Entry:
     data: Any
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Repair:
-    """What was cut off the end of a journal: a line that was not written to its end."""
-
-    bytes_cut: int
-    after_entry: int
-
-
 class Journal:
     """Appends entries to a file. Opening an existing one repairs its end and goes on with its numbers."""
 
@@ -50,7 +42,8 @@ class Journal:
         elsewhere than at its end, and what ``on_entry`` raises.
         """
         self.path = path
-        self.repair: Repair | None = None
+        self.bytes_cut = 0
+        """Of a last line that was not written to its end."""
         self._number = self._end = 0
         self._torn = False
         try:
@@ -69,10 +62,9 @@ class Journal:
         for entry, end in _entries(self.path):
             on_entry(entry)
             self._number, self._end = entry.number, end
-        torn = self.path.stat().st_size - self._end
-        if torn:
+        self.bytes_cut = self.path.stat().st_size - self._end
+        if self.bytes_cut:
             os.ftruncate(self._file.fileno(), self._end)
-            self.repair = Repair(bytes_cut=torn, after_entry=self._number)
 
     def append(self, kind: str, data: Any, *, time_s: float) -> int:
         """Write one entry and return its number. ``data``: what JSON can hold.

@@ -178,7 +178,7 @@ class GimbalFlags(IntFlag):
 
 
 class MavSysStatusSensor(IntFlag):
-    """The health bits of SYS_STATUS that gate an order."""
+    """What SYS_STATUS tells is there, enabled and healthy."""
 
     GYRO_3D = 1
     ACCEL_3D = 2

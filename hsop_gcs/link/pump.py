@@ -138,11 +138,6 @@ class Link:
         """What went through the link."""
         return self._router.counters
 
-    @property
-    def vehicle_links(self) -> tuple[VehicleLink, ...]:
-        """Every vehicle's share of the link."""
-        return tuple(map(self.vehicle_link, self._router.vehicles))
-
     def vehicle_link(self, system: int) -> VehicleLink:
         """One vehicle's share of the link."""
         return self._router.vehicle_link(system, self.now())

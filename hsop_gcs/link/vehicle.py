@@ -59,7 +59,6 @@ class Progress:
     heading_error_deg: float | None
     """Positive: too far clockwise."""
     gimbal_error_deg: float | None
-    gimbal_on_target: bool
     on_station: bool
 
 
@@ -104,7 +103,6 @@ class Vehicle:
             vertical_error_m=error.vertical_m,
             heading_error_deg=error.heading_deg,
             gimbal_error_deg=self._gimbal.error_deg,
-            gimbal_on_target=self._gimbal.on_target,
             on_station=self._on_station,
         )
 

@@ -120,16 +120,6 @@ def wrapped(angle_rad: float) -> float:
     return (angle_rad + math.pi) % (2 * math.pi) - math.pi
 
 
-def compass_bearing(origin_m: npt.ArrayLike, point_m: npt.ArrayLike) -> float:
-    """Return the direction from one point to another, radians clockwise from north."""
-    east, north = np.asarray(point_m)[:2] - np.asarray(origin_m)[:2]
-    return math.atan2(east, north)
-
-
-def plane_distance(origin_m: npt.ArrayLike, point_m: npt.ArrayLike) -> float:
-    return math.dist(np.asarray(origin_m)[:2], np.asarray(point_m)[:2])
-
-
 def segment_distance(point_m: npt.ArrayLike, start_m: npt.ArrayLike, end_m: npt.ArrayLike) -> float:
     """Return the distance of a point from a straight path, in the plane or in space, metres."""
     point, start, end = (np.asarray(p, dtype=np.float64) for p in (point_m, start_m, end_m))

@@ -6,6 +6,7 @@ Source: a recording of 4.7.0-dev.
 from dataclasses import replace
 from functools import partial
 
+from hsop_gcs.link.enums import MavSysStatusSensor
 from hsop_gcs.link.messages import (
     Attitude,
     AutopilotVersion,
@@ -76,7 +77,7 @@ def _sys_status(vehicle: Vehicle) -> SysStatus:
     return SysStatus(
         onboard_control_sensors_present=1399979055,
         onboard_control_sensors_enabled=1398930479,
-        onboard_control_sensors_health=healthy | 0x1000_0000 if vehicle.ready else healthy,
+        onboard_control_sensors_health=healthy | (MavSysStatusSensor.PREARM_CHECK if vehicle.ready else 0),
         voltage_battery=vehicle.battery.voltage_mv,
         battery_remaining=vehicle.battery_percent,
     )

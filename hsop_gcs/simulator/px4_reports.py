@@ -6,6 +6,7 @@ from itertools import count
 
 import numpy as np
 
+from hsop_gcs.link.enums import MavSysStatusSensor
 from hsop_gcs.link.messages import (
     Altitude,
     Attitude,
@@ -68,7 +69,7 @@ def _sys_status(vehicle: Vehicle) -> SysStatus:
     return SysStatus(
         onboard_control_sensors_present=50348079,
         onboard_control_sensors_enabled=50413615,
-        onboard_control_sensors_health=320915519 if vehicle.ready else 320915519 & ~0x1000_0000,
+        onboard_control_sensors_health=52480063 | (MavSysStatusSensor.PREARM_CHECK if vehicle.ready else 0),
         load=200,
         voltage_battery=vehicle.battery.voltage_mv,
         current_battery=-100,

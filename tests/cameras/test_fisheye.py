@@ -5,8 +5,6 @@ import math
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from hsop_gcs.cameras.fisheye import FisheyeCamera
 from hsop_gcs.errors import BadInput
@@ -65,37 +63,12 @@ def test_distorted_angles_are_those_of_opencv(distortion: tuple[float, float, fl
     np.testing.assert_allclose(camera.distorted_angle(angles), measured, atol=1e-9 * RADIAN)
 
 
-@pytest.mark.parametrize("distortion", DISTORTIONS)
-def test_opencv_looks_the_same_way_through_a_pixel(distortion: tuple[float, float, float, float]) -> None:
-    camera, angles = FisheyeCamera(distortion=distortion), np.linspace(0.01, 1.4, 60)
-    pixels = camera.project(directions(angles))
-    slopes = cv2.fisheye.undistortPoints(pixels[:, None], camera.camera_matrix, np.array(distortion))[:, 0]
-    rays = camera.back_project(pixels)
-    np.testing.assert_allclose(np.arctan(np.hypot(*slopes.T)), np.arccos(rays[:, 2]), atol=1e-9 * RADIAN)
-    np.testing.assert_allclose(rays[:, :2] / rays[:, 2:], slopes, rtol=1e-8)
-
-
-@given(
-    angle_rad=st.floats(0, 1.57),
-    turn_rad=st.floats(0, 2 * math.pi),
-    length_m=st.floats(0.1, 1000),
-    distortion=st.sampled_from(DISTORTIONS),
-)
-def test_a_ray_projected_and_back_is_the_same_ray(
-    angle_rad: float, turn_rad: float, length_m: float, distortion: tuple[float, float, float, float]
-) -> None:
-    camera, ray = FisheyeCamera(distortion=distortion), directions(np.array([angle_rad]), turn_rad)
-    np.testing.assert_allclose(camera.back_project(camera.project(length_m * ray)), ray, atol=1e-9 * RADIAN)
-
-
 def test_the_boresight_meets_the_middle_of_the_sensor() -> None:
     np.testing.assert_allclose(FisheyeCamera().project([0.0, 0.0, 5.0]), [[751.5, 751.5]], atol=1e-9 * PIXEL)
 
 
-def test_rays_from_behind_and_pixels_beyond_the_image_circle_give_nothing() -> None:
-    camera = FisheyeCamera()
-    assert np.isnan(camera.project([[1.0, 0.0, 0.0], [0.0, 1.0, -1.0]])).all()
-    assert np.isnan(camera.back_project([[0.0, 0.0], [1503.0, 1503.0]])).all()
+def test_rays_from_behind_have_no_image() -> None:
+    assert np.isnan(FisheyeCamera().project([[1.0, 0.0, 0.0], [0.0, 1.0, -1.0]])).all()
 
 
 def test_opencv_images_what_is_behind_where_its_opposite_would_be() -> None:

@@ -52,6 +52,17 @@ def test_images_are_those_of_opencvs_fisheye_model(lens: FisheyeCamera) -> None:
     assert angle.max() <= 1e-9
 
 
+@pytest.mark.parametrize("lens", [FisheyeCamera(), BENT])
+def test_opencv_looks_the_same_way_through_a_pixel(lens: FisheyeCamera) -> None:
+    eye = sight(lens)
+    # OpenCV takes no θ_d above 90°, and so loses the rim of a lens that bends outwards
+    images = np.array([eye.image_of(point_off_axis(eye, off, 37.0 * off)) for off in range(1, 80, 3)])
+    pixels = images + (lens.resolution_px - 1) / 2
+    slopes = cv2.fisheye.undistortPoints(pixels[:, None], lens.camera_matrix, np.array(lens.distortion))[:, 0]
+    right, down, ahead = eye.axes @ eye.rays(images).directions[:, 0].T
+    np.testing.assert_allclose(np.column_stack([right, down]) / ahead[:, None], slopes, rtol=1e-8, atol=1e-9)
+
+
 @pytest.mark.parametrize("lens", [FisheyeCamera(), BENT, PinholeCamera()])
 @pytest.mark.parametrize("off_deg", [0.0, 25.0, 70.0])
 def test_directions_scatter_as_the_whiteners_say(lens: FisheyeCamera | PinholeCamera, off_deg: float) -> None:

@@ -114,4 +114,4 @@ def test_samples_that_come_late_change_nothing_and_old_ones_are_forgotten() -> N
     for tick in range(1000):
         made = made.with_position(10.3 + 0.1 * tick, (0.0, 0.0, 0.0))
     assert len(made.positions) <= MEMORY_S / 0.1 + 2
-    assert made.newest_position_m == (0.0, 0.0, 0.0)
+    assert made.positions[-1][1] == (0.0, 0.0, 0.0)

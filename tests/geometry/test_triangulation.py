@@ -12,7 +12,7 @@ from hsop_gcs.cameras.fisheye import FisheyeCamera
 from hsop_gcs.cameras.pinhole import PinholeCamera
 from hsop_gcs.cameras.sight import Sight, central_sight, fisheye_sight, joined
 from hsop_gcs.geometry.rays import Rays, camera_axes, intersection_angle_rad
-from hsop_gcs.geometry.triangulation import covariance, error_scale_eq6, triangulate, triangulate_eq5
+from hsop_gcs.geometry.triangulation import covariance, triangulate, triangulate_eq5
 
 MICROMETRE = 1e-6
 DRAWS = 20_000
@@ -55,13 +55,6 @@ def test_equation_5_stays_on_the_first_ray_however_long_its_vector() -> None:
     fix = triangulate_eq5([0, 0, 0], first, [10, 0, 0], second)[0]
     assert np.cross(fix, first) == pytest.approx(np.zeros(3), abs=MICROMETRE)
     assert triangulate_eq5([0, 0, 0], 5 * first, [10, 0, 0], 9 * second)[0] == pytest.approx(fix, abs=MICROMETRE)
-
-
-def test_equation_6_is_least_at_a_right_angle() -> None:
-    angles = np.radians(np.arange(5, 180))
-    scale = error_scale_eq6(30.0, 40.0, angles)
-    assert scale.min() == pytest.approx(1200.0)
-    assert math.degrees(angles[scale.argmin()]) == pytest.approx(90)
 
 
 def test_the_intersection_angle_keeps_its_digits_near_zero() -> None:

@@ -77,7 +77,8 @@ async def fly(link: Link, fleet: SimulatedFleet, events: list[Event]) -> None:
         really_m = LOCAL.to_enu(flown.config.home) + np.array(flown.state.position_m)
         assert np.linalg.norm(really_m - LOCAL.to_enu(progress.order.point)) < 1.0 * METRE
     assert link.strangers == ()
-    assert all(each.round_trip_s is not None and each.rate_hz > 5 for each in link.vehicle_links)
+    shares = [link.vehicle_link(system) for system in link.vehicles]
+    assert all(each.round_trip_s is not None and each.rate_hz > 5 for each in shares)
 
 
 @pytest.mark.parametrize("autopilot", list(Autopilot))

@@ -7,7 +7,7 @@ import pytest
 
 from hsop_gcs.geometry.frames import Aim, GeodeticPoint
 from hsop_gcs.link.adapters import ARDUPILOT, PX4, adapter_for
-from hsop_gcs.link.enums import GimbalFlags, MavAutopilot, MavLandedState, MavModeFlag, MavSysStatusSensor
+from hsop_gcs.link.enums import GimbalFlags, MavAutopilot, MavLandedState, MavModeFlag
 from hsop_gcs.link.events import Event, ModeChanged, StatusTextReceived
 from hsop_gcs.link.messages import (
     Attitude,
@@ -179,15 +179,6 @@ def test_a_constant_position_is_no_fault_of_an_estimator_that_rests_on_the_groun
     telemetry.receive(ExtendedSysState(landed_state=landed_state), 0.0)
     telemetry.receive(EkfStatusReport(flags=flags), 0.0)
     assert telemetry.state.estimator_healthy is healthy
-
-
-def test_the_prearm_bit_counts_only_where_it_is_present() -> None:
-    telemetry = Telemetry(1)
-    bit = int(MavSysStatusSensor.PREARM_CHECK)
-    telemetry.receive(SysStatus(onboard_control_sensors_health=bit), 0.0)
-    assert telemetry.state.ready_to_arm is None
-    telemetry.receive(SysStatus(onboard_control_sensors_present=bit), 0.0)
-    assert telemetry.state.ready_to_arm is False
 
 
 def test_what_another_component_says_of_itself_is_not_the_vehicle() -> None:

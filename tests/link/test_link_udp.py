@@ -139,7 +139,8 @@ def test_one_endpoint_per_vehicle_works_like_a_shared_one() -> None:
                 await radio.open()
                 radio.beat(address)
             await until(lambda: all(vehicle.state.link_up for vehicle in link.vehicles.values()))
-            assert [each.peer.transport for each in link.vehicle_links if each.peer is not None] == [0, 1]
+            peers = [link.vehicle_link(system).peer for system in link.vehicles]
+            assert [peer.transport for peer in peers if peer is not None] == [0, 1]
         for radio in radios:
             radio.close()
 

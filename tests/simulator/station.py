@@ -76,18 +76,6 @@ class Station:
     def texts(self) -> list[str]:
         return [text.text for text in self.all(StatusText)]
 
-    def fly_to_height(self, height_m: float) -> None:
-        """Arm, take off to a height above home, and wait until the vehicle hovers there."""
-        guided: dict[str, Any] = {"param1": 1.0, "param2": 4.0}
-        self.wait(max(0.0, self.vehicle.config.ready_after_s + 0.1))
-        if isinstance(self.vehicle, ArduCopter):
-            assert self.command_long(MavCmd.DO_SET_MODE, **guided) == MavResult.ACCEPTED
-        assert self.command_long(MavCmd.COMPONENT_ARM_DISARM, param1=1.0) == MavResult.ACCEPTED
-        above = self.vehicle.home.altitude_amsl_m if isinstance(self.vehicle, Px4) else 0.0
-        assert self.command_long(MavCmd.NAV_TAKEOFF, param7=above + height_m) == MavResult.ACCEPTED
-        self.wait(5.0 + height_m)
-        assert math.isclose(self.vehicle.state.position_m[2], height_m, abs_tol=0.3)
-
     def reposition(self, east_m: float, north_m: float, up_m: float, **fields: Any) -> MavResult | None:
         """Order DO_REPOSITION as COMMAND_INT to a place given in local ENU, AMSL, with the change-mode flag."""
         place = self.vehicle.local.to_geodetic(np.array([east_m, north_m, up_m]))

@@ -30,10 +30,6 @@ def may_arm(status: SysStatus) -> bool:
     return bool(status.onboard_control_sensors_health & MavSysStatusSensor.PREARM_CHECK)
 
 
-def is_up(position: GlobalPositionInt) -> bool:
-    return abs(position.relative_alt * 1e-3 - TAKE_OFF_M) < 0.3
-
-
 class Forwarded:
     """What MAVProxy passes on from the vehicle, and its console."""
 

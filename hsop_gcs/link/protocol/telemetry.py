@@ -17,7 +17,6 @@ from hsop_gcs.link.enums import (
     MavComponent,
     MavLandedState,
     MavModeFlag,
-    MavSysStatusSensor,
 )
 from hsop_gcs.link.events import Event, ModeChanged, StatusTextReceived
 from hsop_gcs.link.messages import (
@@ -95,8 +94,6 @@ class VehicleState:
     satellites: int | None = None
     estimator_healthy: bool | None = None
     """Whether the autopilot's estimator stands by its absolute position and altitude."""
-    ready_to_arm: bool | None = None
-    """The autopilot's own pre-arm bit; ArduPilot may set it and still refuse."""
     texts: tuple[StatusLine, ...] = ()
     """The last few lines, newest last."""
 
@@ -245,12 +242,8 @@ class Telemetry:
         )
 
     def _sys_status(self, message: SysStatus) -> None:
-        prearm = int(MavSysStatusSensor.PREARM_CHECK)
-        known = message.onboard_control_sensors_present & prearm
-        ready = bool(message.onboard_control_sensors_health & prearm) if known else None
-        battery = message.battery_remaining
-        percent = float(battery) if 0 <= battery <= 100 else self.state.battery_percent
-        self.state = self.state.evolve(ready_to_arm=ready, battery_percent=percent)
+        if 0 <= message.battery_remaining <= 100:
+            self.state = self.state.evolve(battery_percent=float(message.battery_remaining))
 
     def _gimbal(self, message: GimbalDeviceAttitudeStatus, now: float) -> None:
         heard_s = self._stamp(message.time_boot_ms, now)
