@@ -65,6 +65,7 @@ class Threat:
     velocity_mps: tuple[float, float]
 
     def report(self, since_s: float, now_s: float, *, velocity: bool = True) -> dict[str, Any]:
+        """Return a report as the API takes it. since_s: when the way began, and now_s, since the Unix epoch."""
         laps, after_s = divmod(now_s - since_s, TURNS_AFTER_S)
         ahead_s, sign = (TURNS_AFTER_S - after_s, -1.0) if laps % 2 else (after_s, 1.0)
         enu = [p + v * ahead_s for p, v in zip(self.position_m, self.velocity_mps, strict=True)]
@@ -116,9 +117,11 @@ class Console:
             heard.poll(0.1)
 
     def frames(self) -> int:
+        """Return how many frames the service has received."""
         return int(self._link()["received"])
 
     def dropped(self) -> int:
+        """Return how many datagrams came faster than the service could take them."""
         return int(self._link()["dropped_datagrams"])
 
     def _link(self) -> dict[str, Any]:
@@ -147,6 +150,7 @@ class Console:
 
 
 def post(client: httpx2.Client, path: str, body: Any) -> None:
+    """Post JSON to the service. Raises Unavailable for an answer that is an error."""
     answer = client.post(path, json=body)
     if answer.is_error:
         raise Unavailable(f"{path}: {answer.text[:300]}")

@@ -90,6 +90,8 @@ class Limit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Result:
+    """What was measured; None for a part that was not asked for."""
+
     load: Load | None
     report_to_waypoint: Spread | None
     """Two threats, four hosts: from the first HTTP request to the first datagram that orders a hover point."""

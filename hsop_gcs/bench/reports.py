@@ -51,6 +51,8 @@ class Load:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Result:
+    """What was measured."""
+
     threats: int
     rate_hz: float
     idle_cores: float

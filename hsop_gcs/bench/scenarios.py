@@ -65,6 +65,7 @@ def random_case(threats: int, number: int) -> Case:
 
 
 def side_of_square_m(threats: int) -> float:
+    """Return the side of the square that so many threats are drawn in: from ten on as many of them per area."""
     if threats <= 3:
         return SMALL_SIDE_M
     if threats <= 10:

@@ -47,6 +47,7 @@ class PinholeCamera:
 
     @property
     def half_fov_rad(self) -> float:
+        """From the axis to the left and right edge of what it detects."""
         return math.radians(self.fov_deg) / 2
 
     @property

@@ -14,8 +14,12 @@ ANY_PAN = (-180.0, 180.0)
 
 
 class CameraKind(StrEnum):
+    """The two kinds of camera that a host carries."""
+
     PERIPHERAL = "peripheral"
+    """A fisheye, fixed to the body."""
     CENTRAL = "central"
+    """A narrow lens on a gimbal."""
 
 
 PIXEL_NOISE_PX = {CameraKind.PERIPHERAL: 30.0, CameraKind.CENTRAL: 3.0}

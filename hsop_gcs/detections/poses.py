@@ -56,12 +56,15 @@ class PoseHistory:
     """Pan, tilt, 0, degrees."""
 
     def with_position(self, time_s: float, position_m: Vector3) -> "PoseHistory":
+        """Add where it was, ENU."""
         return replace(self, positions=_appended(self.positions, time_s, position_m))
 
     def with_attitude(self, time_s: float, *, heading_deg: float, roll_deg: float, pitch_deg: float) -> "PoseHistory":
+        """Add how it was turned: compass heading, right wing down and nose up positive."""
         return replace(self, attitudes=_appended(self.attitudes, time_s, (heading_deg, roll_deg, pitch_deg)))
 
     def with_aim(self, time_s: float, aim: Aim) -> "PoseHistory":
+        """Add where its gimbal looked, in the earth frame."""
         return replace(self, aims=_appended(self.aims, time_s, (aim.pan_deg, aim.tilt_deg, 0.0)))
 
     def at(self, time_s: float, limit_s: float) -> Pose:

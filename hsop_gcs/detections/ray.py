@@ -32,6 +32,7 @@ class Ray:
 
     @property
     def time_s(self) -> float:
+        """When the image was exposed, seconds since the Unix epoch."""
         return self.detection.time_s
 
     @property

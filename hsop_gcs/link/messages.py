@@ -2,7 +2,7 @@
 
 Names, order, integer scaling and units are those of the MAVLink definition, so that a reader can hold a class against
 the specification; everything that is not plain SI says so beside the field. Conversions to SI happen one level up
-(``link.telemetry``, the adapters, the simulator). Fields default to zero, MAVLink's own value for a field not sent.
+(``link.protocol``, the adapters, the simulator). Fields default to zero, MAVLink's own value for a field not sent.
 
 Source: mavlink/mavlink message_definitions/v1.0 (common, standard, ardupilotmega), as carried by pymavlink 2.4.50.
 """

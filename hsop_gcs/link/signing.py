@@ -38,6 +38,8 @@ _SAVE_AHEAD = 10 * TICKS_PER_S
 
 
 class Verdict(StrEnum):
+    """What is thought of one frame over a signed link."""
+
     GENUINE = "genuine"
     ALLOWED = "allowed unsigned"
     UNSIGNED = "unsigned"
@@ -50,6 +52,7 @@ class Verdict(StrEnum):
 
     @property
     def accepted(self) -> bool:
+        """Whether the frame is believed."""
         return self in (Verdict.GENUINE, Verdict.ALLOWED)
 
 

@@ -38,6 +38,7 @@ class Choice:
     """For each host the threats, as a bit mask, that it observes with its central camera; the others by a fisheye."""
 
     def camera(self, host: int, threat: int) -> int:
+        """Return CENTRAL or PERIPHERAL: what the host observes the threat with."""
         return CENTRAL if self.central[host] >> threat & 1 else PERIPHERAL
 
 
@@ -74,6 +75,7 @@ class Search:
         self.best: Best | None = None
 
     def late(self) -> bool:
+        """Whether the deadline has passed."""
         return self.now() >= self.deadline
 
     def feasible_pair_sets(self, n_hosts: int) -> Iterator[PairSet]:

@@ -70,6 +70,7 @@ class Margins:
 
     @property
     def feasible(self) -> bool:
+        """Whether every constraint holds."""
         return self.smallest >= 0
 
 

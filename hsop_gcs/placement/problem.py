@@ -11,13 +11,21 @@ Point = tuple[float, float, float]
 
 
 class Formulation(StrEnum):
+    """Which constraints a placement must keep."""
+
     LETTER = "letter"
+    """As published: plane, at the end points of the threats that a host observes."""
     OPERATIONAL = "operational"
+    """In space, along whole paths, with separation, limits and areas."""
 
 
 class Objective(StrEnum):
+    """What is least at the best placement."""
+
     LETTER = "letter"
+    """The cost of Eq. 8."""
     RMS = "rms"
+    """The predicted root-mean-square localization error, metres."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -50,6 +50,7 @@ class FenceSection(Section):
         return self
 
     def areas(self) -> tuple[Area, ...]:
+        """Return what hosts must stay in, and keep-outs of the same file."""
         return self.file or (Area(corners=self.inside or ()),)
 
 
@@ -73,6 +74,7 @@ class KeepOutSection(Section):
         return self
 
     def areas(self) -> tuple[Area, ...]:
+        """Return what hosts must stay out of."""
         return tuple(
             replace(
                 area,

@@ -60,6 +60,7 @@ class RigSection(Section):
         return self
 
     def to_rig(self, otherwise: CameraRig) -> CameraRig:
+        """Return the rig, with the cameras of another where this section has none. Raises BadInput."""
         lens = otherwise.peripheral
         if self.calibration is not None:
             lens = replace(self.calibration, min_pixels=(self.peripheral or PeripheralSection()).min_pixels)

@@ -102,10 +102,12 @@ class Settings(Section):
         return {connection: Path(file) for connection, file in sorted(files.items()) if file is not None}
 
     def to_site(self) -> Site:
+        """Return the local frame at the site's origin, and what is known of its altitudes."""
         origin = GeodeticPoint(**self.site.origin.model_dump())
         return Site(frame=LocalFrame(origin), geoid_separation_m=self.site.geoid_separation_m)
 
     def to_fleet(self) -> Fleet:
+        """Return the hosts with their rigs; one that carries what most do has none of its own."""
         common = self.rig.to_rig(CameraRig())
         rigs: dict[str | None, CameraRig | None] = {None: None}
         for name, section in self.rigs.items():
@@ -121,6 +123,7 @@ class Settings(Section):
         )
 
     def to_planning_rules(self) -> PlanningRules:
+        """Return what plans must keep to. Raises BadInput for an area that is none."""
         fleet = self.to_fleet()
         given = self.planning.model_dump(exclude={"departure_m", "hosts"})
         hosts = self.planning.hosts
@@ -146,6 +149,7 @@ class Settings(Section):
         )
 
     def to_rules(self) -> Rules:
+        """Return all that the mission goes by. Raises BadInput for an area that is none."""
         return Rules(
             autonomy=self.service.autonomy,
             planning=self.to_planning_rules(),

@@ -190,6 +190,7 @@ class Body:
         return east, north, up
 
     def outside_fence(self, target_m: Point, radius_m: float) -> bool:
+        """Whether a point, local ENU, is farther from home than a radius; 0 fences nothing."""
         home = self.local.to_enu(self.home)
         return radius_m > 0 and math.hypot(target_m[0] - home[0], target_m[1] - home[1]) > radius_m
 

@@ -74,6 +74,7 @@ class Receiver:
 
     @property
     def error_m(self) -> Point:
+        """East, north and up, now."""
         east, north, up = (each + noise for each, noise in zip(self._offset_m, self._noise.value, strict=True))
         return east, north, up
 

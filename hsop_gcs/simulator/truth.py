@@ -86,6 +86,8 @@ class TrueThreat:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Truth:
+    """All threats of one truth file."""
+
     threats: tuple[TrueThreat, ...]
     epoch_s: float | None = None
     """Seconds since the Unix epoch; None: when the simulator starts."""

@@ -135,12 +135,15 @@ class Vehicle(Body):
     # What a personality must say
 
     def base_mode(self) -> int:
+        """HEARTBEAT's MAV_MODE_FLAG bits."""
         raise NotImplementedError
 
     def custom_mode(self) -> int:
+        """HEARTBEAT's custom_mode: the stack's own number of its mode."""
         raise NotImplementedError
 
     def system_status(self) -> int:
+        """HEARTBEAT's MAV_STATE."""
         raise NotImplementedError
 
     def interval_refused(self, message_id: int) -> MavResult:

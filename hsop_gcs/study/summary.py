@@ -31,6 +31,7 @@ class Row:
     angle_deg: float
     """Mean intersection angle of the assigned views, as its distance from 0° or 180°."""
     central_share: float
+    """Of the assigned views, how many are central cameras'."""
 
     def as_json(self) -> dict[str, Any]:
         return {name: value if not _is_nan(value) else None for name, value in asdict(self).items()}

@@ -54,6 +54,8 @@ class Study:
 
 @dataclass(frozen=True, slots=True, kw_only=True, order=True)
 class Trial:
+    """One random scenario of a study: its number of threats, and its number among those."""
+
     threats: int
     index: int
 

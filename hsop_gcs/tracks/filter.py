@@ -139,6 +139,7 @@ def squared_distance(covariance: FloatArray, seen: Innovation) -> tuple[FloatArr
 
 
 def subset(seen: Innovation, chosen: npt.NDArray[np.bool_]) -> Innovation:
+    """Return those of n residuals that are chosen, (n,)."""
     return Innovation(seen.residual[chosen], seen.matrix[chosen], seen.noise[chosen])
 
 

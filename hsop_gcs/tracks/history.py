@@ -26,17 +26,24 @@ class Arrays(NamedTuple):
     """Steps side by side, as the kernels take them, with room for more."""
 
     times_s: FloatArray
+    """(steps,)"""
     means: FloatArray
+    """(steps, 6): position, then velocity, after each step."""
     covariances: FloatArray
+    """(steps, 6, 6)"""
     rows: FloatArray
+    """(steps, kernels.ROW), what was measured."""
     before: IntArray
+    """(steps,), the track's step before, -1 for its first."""
 
     @classmethod
     def empty(cls, room: int) -> "Arrays":
+        """Return arrays of ``room`` steps that are still to be filled in."""
         state = np.empty(room), np.empty((room, 6)), np.empty((room, 6, 6))
         return cls(*state, np.empty((room, kernels.ROW)), np.empty(room, np.int64))
 
     def changed(self, change: Callable[[Any], Any]) -> "Arrays":
+        """Return what ``change`` makes of each array."""
         return Arrays(*map(change, self))
 
 

@@ -47,15 +47,18 @@ class Track:
 
     @property
     def time_s(self) -> float:
+        """When it was measured last, seconds since the Unix epoch."""
         return self.state.time_s
 
     @property
     def position_m(self) -> Vector3:
+        """ENU, at ``time_s``."""
         east, north, up = self.state.mean[:3].tolist()
         return (east, north, up)
 
     @property
     def velocity_mps(self) -> Vector3:
+        """ENU, at ``time_s``."""
         east, north, up = self.state.mean[3:].tolist()
         return (east, north, up)
 
