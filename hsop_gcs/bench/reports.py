@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from hsop_gcs.bench.console import Threat
-from hsop_gcs.bench.link import Spread, spread
+from hsop_gcs.bench.link import Spread, Step, spread
 from hsop_gcs.bench.process import Service, running
 from hsop_gcs.errors import Unavailable
 from hsop_gcs.loopback import ORIGIN
@@ -30,8 +30,6 @@ from hsop_gcs.loopback import ORIGIN
 _REACH_M = 500.0
 _MAX_SPEED_MPS = 10.0
 _TIMEOUT_S = 10.0
-
-Step = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -166,7 +166,7 @@ class Decoder:
                 self.counters.skipped_bytes += at >= told
                 at += 1
                 continue
-            length = _frame_length(data, at)
+            length = frame_length(data, at)
             complete = length is not None and at + length <= len(data)
             if not complete and more_may_come and (at >= told or self._is_to_come(data, at)):
                 return frames, data[at:], max(0, told - at)
@@ -220,7 +220,7 @@ class Decoder:
         """
         for at in range(start, stop):
             if data[at] in (STX_V1, STX_V2):
-                length = _frame_length(data, at)
+                length = frame_length(data, at)
                 complete = length is not None and at + length <= len(data)
                 if complete and length is not None:
                     frame = self._decode(data[at : at + length])
@@ -243,6 +243,15 @@ def _may_be_ours(begun: bytes) -> bool:
     if version_2 and len(begun) > 2 and begun[2] & ~_KNOWN_INCOMPAT_FLAGS:
         return False
     return len(begun) < (10 if version_2 else 6) or message_id(begun) in _CRC_EXTRA
+
+
+def frame_length(data: bytes, at: int) -> int | None:
+    """Whole length of the frame that starts at ``at``, bytes; None while its header is incomplete."""
+    if data[at] == STX_V1:
+        return data[at + 1] + 8 if at + 1 < len(data) else None
+    if at + 2 >= len(data):
+        return None
+    return data[at + 1] + 12 + (SIGNATURE_BYTES if data[at + 2] & _SIGNED else 0)
 
 
 def message_id(frame: bytes) -> int:
@@ -283,15 +292,6 @@ def _unsure_bytes(frame: Frame) -> int:
     if not frame.verified:
         return len(frame.raw) - 1
     return SIGNATURE_BYTES if is_signed(frame.raw) else 1
-
-
-def _frame_length(data: bytes, at: int) -> int | None:
-    """Whole length of the frame that starts at ``at``, bytes; None while its header is incomplete."""
-    if data[at] == STX_V1:
-        return data[at + 1] + 8 if at + 1 < len(data) else None
-    if at + 2 >= len(data):
-        return None
-    return data[at + 1] + 12 + (SIGNATURE_BYTES if data[at + 2] & _SIGNED else 0)
 
 
 def _to_wire(value: object) -> object:

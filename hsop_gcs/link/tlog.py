@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import BinaryIO
 
 from hsop_gcs.errors import Unavailable
-from hsop_gcs.link.codec import STX_V1, STX_V2, Decoder, Frame, message_id
+from hsop_gcs.link.codec import STX_V1, STX_V2, Decoder, Frame, frame_length, message_id
 
 _STAMP_BYTES = 8
-_SIGNED = 0x01
 _SETUP_SIGNING = 256
 _DAY_US = 86_400 * 1_000_000
 
@@ -29,11 +28,8 @@ def read_tlog(file: BinaryIO) -> Iterator[tuple[float, Frame]]:
     last_us: int | None = None
     while at + _STAMP_BYTES + 3 <= len(data):
         start = at + _STAMP_BYTES
-        if data[start] == STX_V2:
-            length = data[start + 1] + 12 + (13 if data[start + 2] & _SIGNED else 0)
-        elif data[start] == STX_V1:
-            length = data[start + 1] + 8
-        else:
+        length = frame_length(data, start) if data[start] in (STX_V1, STX_V2) else None
+        if length is None:
             at += 1
             continue
         stamp_us = int.from_bytes(data[at:start], "big")
