@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hsop_gcs.cli.bench_machine import this_machine
+from hsop_gcs.cli.options import within
 from hsop_gcs.cli.output_file import require_directory
-from hsop_gcs.errors import BadInput
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -33,12 +33,9 @@ def link(
 
     from hsop_gcs.bench.link import measure
 
-    if not 0 <= vehicles <= 250:
-        raise BadInput("--vehicles", f"{vehicles} is not between 0 and 250")
-    if not 1 <= duration <= 86_400:
-        raise BadInput("--duration", f"{duration} is not between 1 and 86400 s")
-    if not 0 <= reports <= 10_000:
-        raise BadInput("--reports", f"{reports} is not between 0 and 10000")
+    within("--vehicles", vehicles, 0, 250)
+    within("--duration", duration, 1, 86_400, "s")
+    within("--reports", reports, 0, 10_000)
     require_directory("--json", json_file)
     machine = this_machine()
     with Console(stderr=True).status("beginning") as status:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hsop_gcs.cli.bench_machine import this_machine
+from hsop_gcs.cli.options import within
 from hsop_gcs.cli.output_file import require_directory
-from hsop_gcs.errors import BadInput
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -28,14 +28,10 @@ def reports(
 
     from hsop_gcs.bench.reports import measure
 
-    if not 1 <= threats <= 1000:
-        raise BadInput("--threats", f"{threats} is not between 1 and 1000")
-    if not 0.1 <= rate <= 100:
-        raise BadInput("--rate", f"{rate} is not between 0.1 and 100 Hz")
-    if not 1 <= duration <= 86_400:
-        raise BadInput("--duration", f"{duration} is not between 1 and 86400 s")
-    if not 0 <= single <= 10_000:
-        raise BadInput("--single", f"{single} is not between 0 and 10000")
+    within("--threats", threats, 1, 1000)
+    within("--rate", rate, 0.1, 100, "Hz")
+    within("--duration", duration, 1, 86_400, "s")
+    within("--single", single, 0, 10_000)
     require_directory("--json", json_file)
     machine = this_machine()
     with Console(stderr=True).status("beginning") as status:

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from hsop_gcs.cli.options import one_of
 from hsop_gcs.errors import BadInput
 
 
@@ -25,8 +26,7 @@ def register(app: typer.Typer) -> None:
 
         names = list(FIGURES) if only is None else only.split(",")
         for name in names:
-            if name not in FIGURES:
-                raise BadInput("--only", f"{name!r} is not one of {', '.join(FIGURES)}")
+            one_of("--only", name, FIGURES)
         try:
             out.mkdir(parents=True, exist_ok=True)
         except OSError as error:

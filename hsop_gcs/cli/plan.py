@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hsop_gcs.cli.options import one_of
 from hsop_gcs.cli.output_file import require_directory, write
 from hsop_gcs.cli.plots import new_figure, save
 from hsop_gcs.errors import BadInput
@@ -85,8 +86,8 @@ def register(app: typer.Typer) -> None:
 
         problem = problem_from_json(
             parse_json(_read(scenario), scenario),
-            formulation=Formulation(_one_of("--formulation", formulation, list(Formulation))),
-            objective=Objective(_one_of("--objective", objective, list(Objective))),
+            formulation=Formulation(one_of("--formulation", formulation, Formulation)),
+            objective=Objective(one_of("--objective", objective, Objective)),
         )
         most = 2 * len(problem.threats)
         if hosts is not None and not 2 <= hosts <= most:
@@ -101,7 +102,7 @@ def register(app: typer.Typer) -> None:
             raise BadInput("--target-error", f"must be above 0 and at most 1000000 m, not {target_error!r}")
         require_directory("--output", output)
         require_directory("--plot", plot)
-        wanted = None if method is None else Method(_one_of("--method", method, list(Method)))
+        wanted = None if method is None else Method(one_of("--method", method, Method))
         if iterations is not None and wanted not in (None, Method.SEARCH):
             raise BadInput("--iterations", f"method {wanted} has no rounds to count")
         if plot is not None and not frontier:
@@ -192,12 +193,6 @@ def _load_kernels() -> None:
     from hsop_gcs.placement.search import warm_up
 
     warm_up()
-
-
-def _one_of(option: str, value: str, known: list[str]) -> str:
-    if value not in known:
-        raise BadInput(option, f"{value!r} is not one of {', '.join(map(str, known))}")
-    return value
 
 
 def _read(source: str) -> str:

@@ -7,6 +7,7 @@ from urllib.parse import urlsplit
 
 import typer
 
+from hsop_gcs.cli.options import within
 from hsop_gcs.errors import BadInput
 from hsop_gcs.simulator.faults import FORM, MEANING, parse_fault
 
@@ -108,28 +109,28 @@ def register(app: typer.Typer) -> None:
 
         if autopilot not in list(Autopilot):
             raise BadInput("--autopilot", f"{autopilot!r} is neither px4 nor ardupilot")
-        _within("--vehicles", vehicles, 1, 250)
-        _within("--spacing-m", spacing_m, 0, 10_000)
-        _within("--airborne", airborne, 0, 10_000)
-        _within("--speed-mps", speed_mps, 0.1, 50)
-        _within("--ready-after-s", ready_after_s, 0, 3600)
-        _within("--speed", speed, 0.01, 100)
-        _within("--loss", loss, 0, 1)
-        _within("--delay-ms", delay_ms, 0, 60_000)
-        _within("--jitter-ms", jitter_ms, 0, delay_ms)
-        _within("--duplication", duplication, 0, 1)
-        _within("--reordering", reordering, 0, 1)
+        within("--vehicles", vehicles, 1, 250)
+        within("--spacing-m", spacing_m, 0, 10_000)
+        within("--airborne", airborne, 0, 10_000)
+        within("--speed-mps", speed_mps, 0.1, 50)
+        within("--ready-after-s", ready_after_s, 0, 3600)
+        within("--speed", speed, 0.01, 100)
+        within("--loss", loss, 0, 1)
+        within("--delay-ms", delay_ms, 0, 60_000)
+        within("--jitter-ms", jitter_ms, 0, delay_ms)
+        within("--duplication", duplication, 0, 1)
+        within("--reordering", reordering, 0, 1)
         wind_mps, wind_from_deg, gust_mps = _numbers("--wind", wind, "SPEED,FROM_DEG,GUST")
-        _within("--wind", wind_mps, 0, 50)
-        _within("--wind", wind_from_deg, 0, 360)
-        _within("--wind", gust_mps, 0, 20)
+        within("--wind", wind_mps, 0, 50)
+        within("--wind", wind_from_deg, 0, 360)
+        within("--wind", gust_mps, 0, 20)
         offset_east_m, offset_north_m, offset_up_m = _numbers("--gps-offset", gps_offset, "EAST,NORTH,UP")
-        _within("--gps-noise-m", gps_noise_m, 0, 100)
-        _within("--battery", battery, 1, 100)
-        _within("--endurance-min", endurance_min, 0.1, 10_000)
-        _within("--gimbal-rate-dps", gimbal_rate_dps, 1, 10_000)
-        _within("--seed", seed, 0, 2**63)
-        _within("--local-port", local_port, 0, 65536 - vehicles)
+        within("--gps-noise-m", gps_noise_m, 0, 100)
+        within("--battery", battery, 1, 100)
+        within("--endurance-min", endurance_min, 0.1, 10_000)
+        within("--gimbal-rate-dps", gimbal_rate_dps, 1, 10_000)
+        within("--seed", seed, 0, 2**63)
+        within("--local-port", local_port, 0, 65536 - vehicles)
         home = _origin(origin)
         if position and len(position) != vehicles:
             raise BadInput("--position", f"{len(position)} given for {vehicles} vehicles")
@@ -138,8 +139,8 @@ def register(app: typer.Typer) -> None:
             raise BadInput(missing, f"needed with {given}")
         if host_id and len(set(host_id)) != vehicles:
             raise BadInput("--host-id", f"{len(set(host_id))} different ones given for {vehicles} vehicles")
-        _within("--detection-rate", detection_rate, 0.1, 50)
-        _within("--detection-latency-ms", detection_latency_ms, 0, 60_000)
+        within("--detection-rate", detection_rate, 0.1, 50)
+        within("--detection-latency-ms", detection_latency_ms, 0, 60_000)
         config = FleetConfig(
             autopilot=Autopilot(autopilot),
             homes=places(home, [_pair(text) for text in position]) if position else grid(home, vehicles, spacing_m),
@@ -252,11 +253,6 @@ async def _run(
             typer.echo(f"signatures refused: {told}")
         if lookout is not None:
             typer.echo(str(lookout.tally))
-
-
-def _within(name: str, value: float, low: float, high: float) -> None:
-    if not low <= value <= high:
-        raise BadInput(name, f"{value} is not between {low} and {high}")
 
 
 def _numbers(name: str, text: str, form: str) -> list[float]:

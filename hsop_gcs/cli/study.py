@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hsop_gcs.cli.options import one_of
 from hsop_gcs.cli.output_file import require_directory, write
 from hsop_gcs.errors import BadInput
 
@@ -45,11 +46,9 @@ def letter(
     from hsop_gcs.study.results import Results
     from hsop_gcs.study.trial import Study
 
-    known = [kind.value for kind in Kind]
     names = placement.split(",")
     for name in names:
-        if name not in known:
-            raise BadInput("--placement", f"{name!r} is not one of {', '.join(known)}")
+        one_of("--placement", name, Kind)
     study = Study(
         threats=tuple(_whole(text, "--threats") for text in threats.split(",")),
         scenarios=scenarios,
