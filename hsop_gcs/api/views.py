@@ -1,6 +1,7 @@
 """The mission's values as the API shows them."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict
 from datetime import UTC, datetime
 
@@ -134,7 +135,35 @@ def plans_out(mission: Mission) -> PlansOut:
 
 
 def health_out(mission: Mission, started_at_s: float) -> HealthOut:
+    """Return what works and what does not. started_at_s: when the service began, on the mission's clock."""
     unavailable = mission.unavailable()
+    problems = _problems(mission, unavailable)
+    newest = mission.state.plans.newest
+    return HealthOut(
+        status="degraded" if problems else "ok",
+        problems=problems,
+        time=utc(mission.clock()),
+        uptime_s=mission.clock() - started_at_s,
+        autonomy=mission.state.autonomy,
+        threats=len(mission.state.picture.tracks),
+        hosts=len(mission.fleet.hosts),
+        hosts_available=len(mission.fleet.hosts) - len(unavailable),
+        reports=_reports(mission),
+        detections=DetectionCounts.model_validate(mission.state.watch.counts, from_attributes=True),
+        planning=PlanningHealth(
+            ready=mission.planner_ready,
+            plans_made=mission.state.plans.made,
+            last_solve_s=None if newest is None else newest.decision.placement.solve_time_s,
+            fault=mission.solver_fault,
+        ),
+        journal=None if mission.journal is None else _journal(mission.journal, mission.journal_fault),
+        gates=dict(mission.sky.closings),
+        link=_link(mission.link),
+    )
+
+
+def _problems(mission: Mission, unavailable: Mapping[str, Closed]) -> list[str]:
+    """What does not work now, for a person."""
     problems = [f"host {host_id}: {closed.reason}" for host_id, closed in unavailable.items()]
     if not mission.link.running:
         problems.append("link: the pump has stopped")
@@ -157,27 +186,7 @@ def health_out(mission: Mission, started_at_s: float) -> HealthOut:
     newest = mission.state.plans.newest
     if newest is not None:
         problems += [f"left out of plan {newest.id}: {why}" for why in newest.decision.left_out.values()]
-    return HealthOut(
-        status="degraded" if problems else "ok",
-        problems=problems,
-        time=utc(mission.clock()),
-        uptime_s=mission.clock() - started_at_s,
-        autonomy=mission.state.autonomy,
-        threats=len(mission.state.picture.tracks),
-        hosts=len(mission.fleet.hosts),
-        hosts_available=len(mission.fleet.hosts) - len(unavailable),
-        reports=_reports(mission),
-        detections=DetectionCounts.model_validate(mission.state.watch.counts, from_attributes=True),
-        planning=PlanningHealth(
-            ready=mission.planner_ready,
-            plans_made=mission.state.plans.made,
-            last_solve_s=None if newest is None else newest.decision.placement.solve_time_s,
-            fault=mission.solver_fault,
-        ),
-        journal=None if mission.journal is None else _journal(mission.journal, mission.journal_fault),
-        gates=dict(mission.sky.closings),
-        link=_link(mission.link),
-    )
+    return problems
 
 
 def _journal(journal: Journal, fault: str | None) -> JournalHealth:
