@@ -45,7 +45,8 @@ def arrange(
 ) -> tuple[Departure, ...] | NoSafeFlight:
     """Return a departure for every route, in order; hosts without one that have to give way are among them.
 
-    movers: the hosts that can be sent, those with routes and idle ones. standing: what else hovers there and stays.
+    movers: the hosts that can be sent, those with routes and idle ones. standing: what hovers there and does not give
+    way.
     """
     by_id = {mover.id: mover for mover in movers}
     flights = [Flight(host=host, points_m=(by_id[host].position_m, *route.points_m)) for host, route in routes.items()]

@@ -1,12 +1,15 @@
 """Whether a straight flight stays inside the fence and out of the keep-out areas, and the corners to fly around."""
 
 import math
+from collections.abc import Iterable
+from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 import shapely
 
+from hsop_gcs.assignment.separation import Flight
 from hsop_gcs.placement.airspace import Airspace, KeepOut, PlanePoint, Polygon
 from hsop_gcs.placement.problem import Point
 
@@ -15,6 +18,8 @@ _TOLERANCE_M = 0.1
 _STEP_M = 1.0
 _BESIDE_M = 4.0
 """How far from an edge the corners are that flights go around by."""
+_QUARTER = 3
+"""Sides of a quarter of a circle."""
 
 
 def why_outside(airspace: Airspace, way_m: tuple[Point, ...]) -> str | None:
@@ -48,9 +53,26 @@ def _why_outside(airspace: Airspace, way_m: tuple[Point, ...]) -> str | None:
         line = shapely.LineString([a[:2], b[:2]]) if a[:2] != b[:2] else shapely.Point(a[:2])
         if airspace.inside and not shapely.covers(_fence(airspace.inside), line):
             return "leaves the fence"
-        if any(_enters(line, a, b, area) for area in airspace.keep_outs):
-            return "leads through a keep-out area"
+        for area in airspace.keep_outs:
+            if _enters(line, a, b, area):
+                return f"comes too near to {area.host}" if area.host else "leads through a keep-out area"
     return None
+
+
+def clear_of(airspace: Airspace, flights: Iterable[Flight], by_m: float) -> Airspace:
+    """Return the airspace without what is nearer to these aircraft's lines, or places, than so many metres: sideways,
+    over and under them.
+    """
+    areas = tuple(_around(flight, by_m) for flight in flights) if by_m > 0 else ()
+    return replace(airspace, keep_outs=(*airspace.keep_outs, *areas)) if areas else airspace
+
+
+def _around(flight: Flight, by_m: float) -> KeepOut:
+    plane, ups_m = [point[:2] for point in flight.points_m], [point[2] for point in flight.points_m]
+    line = shapely.LineString(plane) if len(set(plane)) > 1 else shapely.Point(plane[0])
+    corners = shapely.get_coordinates(shapely.buffer(line, by_m, quad_segs=_QUARTER).exterior)[:-1].tolist()
+    polygon = tuple((east, north) for east, north in corners)
+    return KeepOut(polygon=polygon, floor_m=min(ups_m) - by_m, ceiling_m=max(ups_m) + by_m, host=flight.host)
 
 
 def corners_beside(airspace: Airspace) -> tuple[PlanePoint, ...]:

@@ -8,7 +8,6 @@ import numpy as np
 from hsop_gcs.assignment.arrangement import NoSafeFlight, arrange
 from hsop_gcs.assignment.matching import FloatArray, assign
 from hsop_gcs.assignment.routes import FlightRules, Mover, Route, safe_route
-from hsop_gcs.assignment.separation import Flight
 from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.geometry.frames import Aim, aim_between
 from hsop_gcs.placement.problem import Formulation, Point, Threat
@@ -41,19 +40,18 @@ def orders_for(
     threats_now: tuple[Threat, ...],
     threats_then: tuple[Threat, ...],
     rules: FlightRules,
-    standing: tuple[Flight, ...] = (),
 ) -> tuple[HostOrder, ...] | NoSafeFlight:
     """Give every hover pose to a host: minimum longest flight among safe routes, flown without conflict.
 
     A pose goes to a host with the same rig as the one that it was found for.
     ``threats_now`` decide which routes are safe for hosts that set out at once. ``threats_then``, the threats of
     the placement, decide where cameras look. Orders come in the sequence of the placement's hosts; behind them those of
-    idle hosts that have to give way. standing: what hovers there and cannot be sent.
+    idle hosts that have to give way.
     """
     flown_by = _shared_out(placement, movers, threats_now, rules)
     if isinstance(flown_by, NoSafeFlight):
         return flown_by
-    arranged = arrange(flown_by, movers, threats_now, rules, standing=standing)
+    arranged = arrange(flown_by, movers, threats_now, rules)
     if isinstance(arranged, NoSafeFlight):
         return arranged
     flown = {departure.host: departure for departure in arranged}

@@ -1,5 +1,5 @@
-"""Routes: how a host gets to its hover point without coming near a threat or leaving the airspace: straight, or past
-what is in the way by a point or two."""
+"""Routes: how a host gets to its hover point without coming near a threat or leaving the airspace: straight, past what
+is in the way by a point or two, or over or under it."""
 
 import math
 from dataclasses import dataclass, field
@@ -27,6 +27,8 @@ _ALONG = 3
 """Places of a threat's predicted path that detours are laid around."""
 _GLANCES = 24
 """Moments of a way that are looked at before the whole of it."""
+_OVER_M = 2.0
+"""How far over or under keep-out areas ways lead that lead past none."""
 _NEAREST = 24
 """Detour points tried in pairs."""
 
@@ -101,7 +103,8 @@ def safe_route(mover: Mover, goal_m: Point, threats: tuple[Threat, ...], rules: 
     near = np.linalg.norm(beside - start, axis=1) + np.linalg.norm(beside - goal, axis=1)
     kept = beside[np.argsort(near, kind="stable")[:_NEAREST]]
     pairs = np.array([pair for pair in product(kept, kept) if pair[0] is not pair[1]])
-    return shortest(_ways(start, pairs, goal), by_one)
+    around = shortest(_ways(start, pairs, goal), by_one)
+    return around or shortest(_ways(start, _over(start, goal, rules.airspace), goal))
 
 
 def why_unsafe(
@@ -231,6 +234,13 @@ def _beside(threats: tuple[Threat, ...], horizon_s: float, radius_m: float) -> F
     places = [threat.predicted_m(after_s) for threat in threats for after_s in np.linspace(0.0, horizon_s, _ALONG)]
     # a threat at rest has one place, not several
     return np.unique(np.concatenate([np.round(place, 3) + ring for place in places]), axis=0)
+
+
+def _over(start: FloatArray, goal: FloatArray, airspace: Airspace) -> FloatArray:
+    """(ways, 2, 3): straight up or down, and level as far as the goal, over or under the keep-out areas."""
+    levels = {up for area in airspace.keep_outs for up in (area.ceiling_m + _OVER_M, area.floor_m - _OVER_M)}
+    free = [up for up in sorted(levels, reverse=True) if math.isfinite(up) and airspace.altitude_room_m(up) >= 0]
+    return np.array([[(*start[:2], up), (*goal[:2], up)] for up in free]).reshape(-1, 2, 3)
 
 
 def _ways(start: FloatArray, via: FloatArray, goal: FloatArray) -> FloatArray:

@@ -225,11 +225,14 @@ class Mission:
 
     def why_waiting(self, host: Host) -> str | None:
         """Return what a host whose order waits is waiting for; None if it does not wait."""
-        progress = self.state.progress.get(host.id)
-        if progress is None or progress.status is not OrderStatus.WAITING:
+        blocked = self._waits_for(host.id)
+        return None if blocked is None else blocked.reason
+
+    def _waits_for(self, host: str) -> Blocked | None:
+        progress, blocked = self.state.progress.get(host), self._blocked.get(host)
+        if progress is None or blocked is None or progress.status is not OrderStatus.WAITING:
             return None
-        blocked = self._blocked.get(host.id)
-        return blocked.reason if blocked is not None and blocked.order_id == progress.order_id else None
+        return blocked if blocked.order_id == progress.order_id else None
 
     # What time brings
 
@@ -264,7 +267,10 @@ class Mission:
             movers = self.sky.movers(unavailable)
             rules = self.state.rules
             waiting = [host for host, each in self.state.progress.items() if each.status is OrderStatus.WAITING]
-            reason = replan_reason(self.state.plans, tracks, movers, now_s, rules.replanning, rules.planning, waiting)
+            barred = [host for host in waiting if (each := self._waits_for(host)) is not None and each.for_good]
+            reason = replan_reason(
+                self.state.plans, tracks, movers, now_s, rules.replanning, rules.planning, waiting, barred
+            )
             if reason is not None:
                 standing = self.sky.standing(self.state, unavailable)
                 given = situation(self.state, movers, now_s, standing=standing)

@@ -81,8 +81,8 @@ class Pending:
     since_s: float
     by_operator: bool
     """Else by the mission, which gives it up when somebody else flies the host."""
-    ahead_m: tuple[Point, ...]
-    """The points the host may still fly to while it is not heard, ENU metres."""
+    goal_m: Point | None
+    """Where the host's leg ends that it may still fly while it is not heard, ENU metres; None: it was on none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -363,8 +363,8 @@ def _wished(
     pending = dict(mission.pending)
     for host in hosts:
         before = pending.get(host)
-        ahead_m = mission.flies_to_m(host) or (before.ahead_m if before else ())
-        pending[host] = Pending(wish=wish, since_s=time_s, by_operator=by_operator, ahead_m=ahead_m)
+        goal_m = next(iter(mission.flies_to_m(host)), before.goal_m if before else None)
+        pending[host] = Pending(wish=wish, since_s=time_s, by_operator=by_operator, goal_m=goal_m)
     return replace(mission, pending=MappingProxyType(pending))
 
 

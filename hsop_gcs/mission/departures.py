@@ -1,6 +1,7 @@
 """Who of a plan's hosts departs when, and by which way, as the sky is now; and who may take off."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from hsop_gcs.assignment import (
     Departure,
@@ -20,7 +21,7 @@ from hsop_gcs.mission.gates import ON_THE_GROUND, Closed
 from hsop_gcs.mission.planning import flight_rules
 from hsop_gcs.mission.sky import Sky
 from hsop_gcs.mission.state import Plan
-from hsop_gcs.mission.traffic import unheard_m
+from hsop_gcs.mission.whereabouts import whereabouts
 
 
 def departures(plan: Plan, mission: MissionState, sky: Sky, now_s: float) -> tuple[Departure, ...]:
@@ -36,13 +37,13 @@ def departures(plan: Plan, mission: MissionState, sky: Sky, now_s: float) -> tup
         if host in closed:
             raise Refused(f"host {host}: {closed[host].reason}")
     movers, known = sky.movers(closed), situation(mission, (), now_s)
-    rules = flight_rules(mission.rules.planning, known.sigmas)
+    rules = flight_rules(mission.rules.planning, known.sigmas, sky.standing(mission, closed))
     sent = {mover.id: mover for mover in movers if mover.id in goals_m}
     safe = {host: safe_route(sent[host], goal_m, known.threats, rules) for host, goal_m in goals_m.items()}
     if not any(safe.values()):
         raise Refused(
-            f"no host has a way to its hover point that keeps {rules.safety_distance_m:.0f} m from all threats and"
-            " stays in the airspace"
+            f"no host has a way to its hover point that keeps {rules.safety_distance_m:.0f} m from all threats, clear"
+            " of aircraft that cannot be sent, and in the airspace"
         )
     idle = tuple(Flight(host=mover.id, points_m=(mover.position_m,)) for mover in movers if mover.id not in sent)
     arranged = arrange(
@@ -50,7 +51,7 @@ def departures(plan: Plan, mission: MissionState, sky: Sky, now_s: float) -> tup
         tuple(sent.values()),
         known.threats,
         rules,
-        standing=idle + sky.standing(mission, closed),
+        standing=idle,
     )
     if isinstance(arranged, NoSafeFlight):
         raise Refused(arranged.reason)
@@ -62,9 +63,10 @@ def check_take_off(hosts: Iterable[Host], altitude_m: float, mission: MissionSta
     aircraft, closed, known = sky.aircraft(), sky.closed(mission, now_s), situation(mission, (), now_s)
     rules = flight_rules(mission.rules.planning, known.sigmas)
     in_the_air = [
-        Flight(host=name, points_m=(each.position_m, *mission.flies_to_m(name), *unheard_m(mission, each)))
+        replace(flight, points_m=(*flight.points_m, *mission.flies_to_m(name)))
         for name, each in aircraft.items()
-        if each.position_m is not None and each.state.in_air
+        if each.state.in_air
+        for flight in whereabouts(mission, each, mission.rules.planning.limits)
     ]
 
     def gate(host: Host) -> Closed | None:

@@ -10,7 +10,7 @@ from itertools import repeat
 
 import numpy as np
 
-from hsop_gcs.assignment import Mover, NoSafeFlight, flight_s, order_for, orders_for
+from hsop_gcs.assignment import Mover, NoSafeFlight, clear_of, flight_s, order_for, orders_for, safe_route
 from hsop_gcs.fleet import FlightLimits
 from hsop_gcs.mission.planning import Decision, PlanningRules, Sigma, Situation, TargetError, flight_rules, margin_m
 from hsop_gcs.placement import place
@@ -24,6 +24,8 @@ from hsop_gcs.placement.solution import HoverPose, Placement, Status, renamed, w
 _ARRIVAL_TOLERANCE_S = 1.0
 _GLANCE_ROUNDS = 1
 """Enough to know how far hosts will have to fly."""
+_STANDING_M = 1.0
+"""How much farther than the separation hover points are from aircraft that cannot be sent: those wander, too."""
 _SURE = Sigma(position_m=0.0, velocity_mps=0.0)
 
 
@@ -114,8 +116,7 @@ def _ordered(
         situation.movers,
         threats_now=situation.threats,
         threats_then=problem.threats,
-        rules=flight_rules(rules, situation.sigmas),
-        standing=situation.standing,
+        rules=flight_rules(rules, situation.sigmas, situation.standing),
     )
     if isinstance(orders, NoSafeFlight):
         return replace(decision, reason=orders.reason)
@@ -164,7 +165,7 @@ def _problem(situation: Situation, rules: PlanningRules, lead_s: float) -> Probl
         formulation=rules.formulation,
         objective=rules.objective,
         min_separation_m=rules.min_separation_m,
-        airspace=_airspace(threats, rules),
+        airspace=clear_of(_airspace(threats, rules), situation.standing, rules.min_separation_m + _STANDING_M),
         lead_s=lead_s,
         position_sigma_m=rules.host_position_sigma_m,
         attitude_sigma_rad=math.radians(rules.host_attitude_sigma_deg),
@@ -231,7 +232,7 @@ def _airspace(threats: tuple[Threat, ...], rules: PlanningRules) -> Airspace:
 def _kept(situation: Situation, rules: PlanningRules, new: Decision) -> Decision | None:
     """The flying plan for another window, if every constraint holds in it and nothing new is better by the margin."""
     flying, available = situation.flying, {mover.id for mover in situation.movers}
-    if flying is None or not {pose.host for pose in flying.hosts} <= available:
+    if flying is None or not {pose.host for pose in flying.hosts} <= available or _cut_off(flying, situation, rules):
         return None
     now, then = (_held(flying, situation, rules, lead_s) for lead_s in (0.0, new.window_start_s - situation.now_s))
     if now is None or then is None or now.cost is None or then.cost is None:
@@ -251,12 +252,21 @@ def _kept(situation: Situation, rules: PlanningRules, new: Decision) -> Decision
     )
 
 
+def _cut_off(flying: Placement, situation: Situation, rules: PlanningRules) -> bool:
+    """Whether an aircraft that cannot be sent bars a host's way to its hover point."""
+    goals_m = {pose.host: pose.position_m for pose in flying.hosts} if situation.standing else {}
+    keeping = flight_rules(rules, situation.sigmas, situation.standing)
+    return any(
+        safe_route(mover, goals_m[mover.id], (), keeping) is None for mover in situation.movers if mover.id in goals_m
+    )
+
+
 def _held(flying: Placement, situation: Situation, rules: PlanningRules, lead_s: float) -> Placement | None:
     problem, left_out = _problem_in_sight(situation, rules, lead_s)
     if _too_near(flying, situation, rules, lead_s, left_out):
         return None
     # what was planned a moment ago still holds when a threat has moved a little, or climbed
-    keeping = flight_rules(rules, situation.sigmas)
+    keeping = flight_rules(rules, situation.sigmas, situation.standing)
     return held_over(flying, replace(problem, safety_distance_m=keeping.safety_distance_m, airspace=keeping.airspace))
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from hsop_gcs.assignment import Flight, FlightRules, HostOrder, Mover
+from hsop_gcs.assignment import Flight, FlightRules, HostOrder, Mover, clear_of
 from hsop_gcs.cameras.rig import CameraRig
 from hsop_gcs.fleet import FlightLimits
 from hsop_gcs.placement.airspace import Airspace
@@ -84,7 +84,7 @@ class Situation:
     movers: tuple[Mover, ...]
     """The hosts that can be sent."""
     standing: tuple[Flight, ...] = ()
-    """Our other aircraft in the air: they cannot be sent, and nobody flies into them."""
+    """Our other aircraft in the air, which cannot be sent: where each is, or may be. Others keep clear of all of it."""
     flying: Placement | None = None
     """The plan that flies, if one does."""
 
@@ -114,8 +114,8 @@ def margin_m(rules: PlanningRules, sigmas: Iterable[Sigma]) -> float:
     return max(rules.safety_margin_m, min(doubt_m, rules.safety_distance_m))
 
 
-def flight_rules(rules: PlanningRules, sigmas: Iterable[Sigma]) -> FlightRules:
-    """Return what flights to hover points keep to when they depart.
+def flight_rules(rules: PlanningRules, sigmas: Iterable[Sigma], standing: Iterable[Flight] = ()) -> FlightRules:
+    """Return what flights to hover points keep to when they depart. standing: aircraft that they go around.
 
     Half of the margin that hover points keep on top of the safety distance: what was planned a moment ago is still good
     when a threat has moved a little, and what departs now is not stopped at once when it moves a little more.
@@ -124,5 +124,9 @@ def flight_rules(rules: PlanningRules, sigmas: Iterable[Sigma]) -> FlightRules:
         horizon_s=rules.horizon_s,
         safety_distance_m=rules.safety_distance_m + margin_m(rules, sigmas) / 2,
         separation_m=rules.min_separation_m,
-        airspace=replace(rules.airspace, floor_m=rules.limits.floor_m, ceiling_m=rules.limits.ceiling_m),
+        airspace=replace(
+            clear_of(rules.airspace, standing, rules.min_separation_m),
+            floor_m=rules.limits.floor_m,
+            ceiling_m=rules.limits.ceiling_m,
+        ),
     )

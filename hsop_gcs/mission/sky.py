@@ -16,7 +16,8 @@ from hsop_gcs.link.pump import Link
 from hsop_gcs.mission.core import MissionState
 from hsop_gcs.mission.dispatch import OrderStatus, mover_of
 from hsop_gcs.mission.gates import Aircraft, Closed, closed
-from hsop_gcs.mission.traffic import Blocked, Traffic, unheard_m
+from hsop_gcs.mission.traffic import Blocked, Traffic
+from hsop_gcs.mission.whereabouts import whereabouts
 from hsop_gcs.placement.problem import Point
 from hsop_gcs.reports import Site
 
@@ -68,11 +69,12 @@ class Sky:
         )
 
     def standing(self, mission: MissionState, found: Mapping[str, Closed]) -> tuple[Flight, ...]:
-        """Return the aircraft in the air that cannot be sent: where they were heard last, what they may fly unheard."""
+        """Return where the aircraft in the air that cannot be sent may be."""
         return tuple(
-            Flight(host=host_id, points_m=(aircraft.position_m, *unheard_m(mission, aircraft)))
+            flight
             for host_id, aircraft in self.aircraft().items()
-            if host_id in found and aircraft.position_m is not None and aircraft.state.in_air
+            if host_id in found and aircraft.state.in_air
+            for flight in whereabouts(mission, aircraft, self._fleet.limits)
         )
 
     def traffic(

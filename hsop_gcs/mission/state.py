@@ -106,10 +106,12 @@ def replan_reason(
     rules: ReplanRules,
     planning: PlanningRules,
     waiting: Iterable[str] = (),
+    barred: Iterable[str] = (),
 ) -> str | None:
     """Return why a new plan is due now, for a person, or None.
 
-    movers: the hosts that can be sent. waiting: those that have not been able to depart, or not again.
+    movers: the hosts that can be sent. waiting: those that have not been able to depart, or not again. barred: those
+    that will not be, for what is in their way stays there.
     """
     if not tracks:
         return None
@@ -137,6 +139,9 @@ def replan_reason(
         if order.host not in available:
             return f"host {order.host} is not available any more"
     # a decision that keeps the plan changes nothing for a host that waits: the next one is not due at once
+    if newest is plans.flying and now_s > newest.made_at_s + rules.retry_s:
+        for host in barred:
+            return f"host {host} cannot get to its hover point"
     if newest is plans.flying and now_s > max(newest.decision.window_start_s, newest.made_at_s + rules.retry_s):
         for host in waiting:
             return f"host {host} should be there and still waits to depart"

@@ -16,6 +16,7 @@ Pure: the mission and its aircraft go in, inputs for the mission come out. The s
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from types import MappingProxyType
 
 from hsop_gcs.assignment import Flight, FlightRules, Mover, gains_by_staying, in_the_way, safe_route, why_unsafe
@@ -25,6 +26,7 @@ from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus
 from hsop_gcs.mission.gates import Aircraft, Closed
 from hsop_gcs.mission.inputs import HostDeparted, HostRetried, HostSetAside, HostStopped, LegFlown, WishLapsed
 from hsop_gcs.mission.planning import Situation, flight_rules
+from hsop_gcs.mission.whereabouts import whereabouts
 from hsop_gcs.placement.airspace import Airspace
 from hsop_gcs.placement.problem import Point
 
@@ -53,6 +55,8 @@ class Blocked:
     time_s: float
     reason: str
     """For a person."""
+    for_good: bool = False
+    """What is in its way stays there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,10 +124,25 @@ class Traffic:
         return last is None or last.order_id != progress.order_id or self.now_s >= last.time_s + _SEEK_EVERY_S
 
     def _departure(self, host: str, progress: OrderProgress, known: Situation) -> HostDeparted | Blocked:
-        way = self._why_not_sent(host, progress) or self._way(host, progress, known)
-        if isinstance(way, str):
-            return Blocked(host=host, order_id=progress.order_id, time_s=self.now_s, reason=way)
-        return HostDeparted(time_s=self.now_s, host=host, route_m=way)
+        blocked = Blocked(host=host, order_id=progress.order_id, time_s=self.now_s, reason="")
+        reason = self._why_not_sent(host, progress)
+        if reason is not None:
+            return replace(blocked, reason=reason)
+        mover, rules = self._mover(host), flight_rules(self.mission.rules.planning, known.sigmas)
+        route = progress.ahead_m
+        flight = Flight(host=host, points_m=(mover.position_m, *route))
+        unsafe = why_unsafe(mover, route, known.threats, rules)
+        staying = in_the_way(flight, self._staying(host, progress), rules.separation_m)
+        if unsafe is not None or staying is not None:
+            other_way = self._other_way(host, progress, known)
+            if other_way is None:
+                return replace(blocked, reason=unsafe or f"{staying} is in its way", for_good=unsafe is None)
+            route = other_way
+        flight = Flight(host=host, points_m=(mover.position_m, *route))
+        first = in_the_way(flight, self._going(host, progress), rules.separation_m)
+        if first is not None:
+            return replace(blocked, reason=f"waits for {first} to pass")
+        return HostDeparted(time_s=self.now_s, host=host, route_m=route)
 
     def _why_not_sent(self, host: str, progress: OrderProgress) -> str | None:
         """Why a host's order must not be sent, as far as it is not the way's fault."""
@@ -134,19 +153,18 @@ class Traffic:
             return "its order is stale: the plan has run out"
         return self.closed[host].reason if host in self.closed else None
 
-    def _way(self, host: str, progress: OrderProgress, known: Situation) -> tuple[Point, ...] | str:
-        """The way to fly now: the planned one, or another if it is not safe any more; or what is in the way."""
-        mover, rules = self._mover(host), flight_rules(self.mission.rules.planning, known.sigmas)
-        route = progress.ahead_m
-        unsafe = why_unsafe(mover, route, known.threats, rules)
-        if unsafe is not None:
+    def _other_way(self, host: str, progress: OrderProgress, known: Situation) -> tuple[Point, ...] | None:
+        """Another way than the planned one: past threats and, where they are in its way, around aircraft that stay."""
+        mover, staying = self._mover(host), self._staying(host, progress)
+        for around in ((), staying):
+            rules = flight_rules(self.mission.rules.planning, known.sigmas, around)
             found = safe_route(mover, progress.order.position_m, known.threats, rules)
             if found is None:
-                return unsafe
-            route = found.points_m
-        flight = Flight(host=host, points_m=(mover.position_m, *route))
-        other = in_the_way(flight, self._others(host, progress), rules.separation_m)
-        return route if other is None else f"waits for {other} to pass"
+                return None
+            flight = Flight(host=host, points_m=(mover.position_m, *found.points_m))
+            if around or in_the_way(flight, staying, rules.separation_m) is None:
+                return found.points_m
+        return None
 
     def _watched(self, host: str, progress: OrderProgress, known: Situation) -> Move | None:
         """A flying host is turned aside or stopped before it comes too near to a threat, another host, or the end of
@@ -158,13 +176,16 @@ class Traffic:
         flight = Flight(host=host, points_m=(mover.position_m, *progress.ahead_m))
         if why_unsafe(mover, progress.ahead_m, known.threats, near, within_s=_TURN_AHEAD_S) is not None:
             may_turn = self._calm(progress) and self._why_not_sent(host, progress) is None
-            other_way = self._way_around(flight, progress, known, rules) if may_turn else None
+            other_way = self._other_way(host, progress, known) if may_turn else None
             if other_way is not None:
-                return HostDeparted(time_s=self.now_s, host=host, route_m=other_way)
+                around = replace(flight, points_m=(mover.position_m, *other_way))
+                if in_the_way(around, self._going(host, progress), rules.separation_m) is None:
+                    return HostDeparted(time_s=self.now_s, host=host, route_m=other_way)
             stop = self._stop(mover, progress, known, near)
             if stop is not None:
                 return stop
-        other = in_the_way(flight, self._others(host, progress, flying_only=True), near.separation_m - _STOP_EARLIER_M)
+        others = chain(self._staying(host, progress), self._going(host, progress, flying_only=True))
+        other = in_the_way(flight, others, near.separation_m - _STOP_EARLIER_M)
         if other is None:
             return None
         return HostStopped(time_s=self.now_s, host=host, gate="separation", reason=f"comes too near to {other}")
@@ -191,16 +212,6 @@ class Traffic:
             return HostStopped(time_s=self.now_s, host=host, gate="order", reason=reason)
         return LegFlown(time_s=self.now_s, host=host)
 
-    def _way_around(
-        self, flight: Flight, progress: OrderProgress, known: Situation, rules: FlightRules
-    ) -> tuple[Point, ...] | None:
-        found = safe_route(self._mover(flight.host), progress.order.position_m, known.threats, rules)
-        if found is None:
-            return None
-        around = replace(flight, points_m=(flight.points_m[0], *found.points_m))
-        blocked = in_the_way(around, self._others(flight.host, progress), rules.separation_m)
-        return found.points_m if blocked is None else None
-
     def _after_failure(self, host: str, progress: OrderProgress) -> Move:
         aircraft, rules = self.aircraft[host], self.mission.rules
         if not aircraft.obeys:
@@ -218,19 +229,32 @@ class Traffic:
         """Whether the host's last departure or stop is some time ago."""
         return self.now_s >= progress.since_s + _TURN_EVERY_S
 
-    def _others(self, host: str, progress: OrderProgress, *, flying_only: bool = False) -> Iterator[Flight]:
-        """Everybody else: those that depart before it with all that is ahead of them, the rest where they are."""
+    def _staying(self, host: str, progress: OrderProgress) -> tuple[Flight, ...]:
+        """Everybody else who does not fly, nor is about to before it: where they are, or may be."""
+        return tuple(
+            flight
+            for other, aircraft in self.aircraft.items()
+            if other != host and not self._goes_on(other, progress)
+            for flight in whereabouts(self.mission, aircraft, self.limits)
+        )
+
+    def _going(self, host: str, progress: OrderProgress, *, flying_only: bool = False) -> Iterator[Flight]:
+        """Those who fly or depart before it, with all that is ahead of them. flying_only: of those who depart later, or
+        have not departed, only where they are."""
         for other, aircraft in self.aircraft.items():
-            if other == host or aircraft.position_m is None or aircraft.state.in_air is False:
+            if other == host or not self._goes_on(other, progress):
                 continue
-            theirs = self.mission.progress.get(other)
-            points = [aircraft.position_m, *unheard_m(self.mission, aircraft)]
-            if theirs is not None:
-                first = theirs.rank < progress.rank
-                waits_first = theirs.status is OrderStatus.WAITING and first and self._current(theirs)
-                if (theirs.flying and (first or not flying_only)) or (waits_first and not flying_only):
-                    points += theirs.ahead_m
-            yield Flight(host=other, points_m=tuple(points))
+            theirs = self.mission.progress[other]
+            all_of_it = not flying_only or (theirs.flying and theirs.rank < progress.rank)
+            for flight in whereabouts(self.mission, aircraft, self.limits):
+                yield replace(flight, points_m=(*flight.points_m, *theirs.ahead_m)) if all_of_it else flight
+
+    def _goes_on(self, other: str, progress: OrderProgress) -> bool:
+        theirs = self.mission.progress.get(other)
+        if theirs is None or theirs.flying:
+            return theirs is not None
+        waits = theirs.status is OrderStatus.WAITING and theirs.rank < progress.rank
+        return waits and self._current(theirs) and other not in self.closed
 
     def _current(self, progress: OrderProgress) -> bool:
         flying = self.mission.plans.flying
@@ -240,9 +264,3 @@ class Traffic:
         position_m = self.aircraft[host].position_m
         assert position_m is not None, "a host without a position does not move"
         return Mover(id=host, position_m=position_m, speed_mps=self.limits.speed_mps, climb_mps=self.limits.climb_mps)
-
-
-def unheard_m(mission: MissionState, aircraft: Aircraft) -> tuple[Point, ...]:
-    """Return the points that a host may still fly to because it has not heard that it is to stop, ENU metres."""
-    pending = mission.pending.get(aircraft.id)
-    return () if pending is None or aircraft.state.link_up else pending.ahead_m

@@ -21,6 +21,8 @@ class KeepOut:
     polygon: Polygon
     floor_m: float = -math.inf
     ceiling_m: float = math.inf
+    host: str = ""
+    """The aircraft of ours that this is around; empty: an area of the site."""
 
     def __post_init__(self) -> None:
         require_area(self.polygon, "keep_out.polygon")

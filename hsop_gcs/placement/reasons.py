@@ -103,9 +103,13 @@ def _in_the_way(
     rules: list[tuple[str, Problem]] = []
     if airspace.inside:
         rules.append(("the fence", replace(problem, airspace=free)))
-    if airspace.keep_outs:
-        named = "the keep-out area" if len(airspace.keep_outs) == 1 else "the keep-out areas"
-        rules.append((named, replace(problem, airspace=replace(airspace, keep_outs=()))))
+    areas = tuple(area for area in airspace.keep_outs if not area.host)
+    if areas:
+        named = "the keep-out area" if len(areas) == 1 else "the keep-out areas"
+        around_hosts = tuple(area for area in airspace.keep_outs if area.host)
+        rules.append((named, replace(problem, airspace=replace(airspace, keep_outs=around_hosts))))
+    if hosts := sorted({area.host for area in airspace.keep_outs if area.host}):
+        rules.append((" and ".join(hosts), replace(problem, airspace=replace(airspace, keep_outs=areas))))
     if airspace.floor_m is not None or airspace.ceiling_m is not None:
         # What the threats' own altitudes would allow, and what is allowed now.
         low, high = hover_altitudes_m(replace(problem, airspace=Airspace()))

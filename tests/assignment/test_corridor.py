@@ -1,6 +1,7 @@
 """Straight flights inside the fence and outside keep-outs, against sampled points; and the ways around."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -8,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hsop_gcs.assignment import FlightRules, Mover, safe_route
-from hsop_gcs.assignment.corridor import why_outside
+from hsop_gcs.assignment import Flight, FlightRules, Mover, clear_of, safe_route, why_outside
+from hsop_gcs.assignment.separation import WANDER_M, gap_m
 from hsop_gcs.placement.airspace import Airspace, KeepOut
 from hsop_gcs.placement.problem import Point
 
@@ -113,3 +114,33 @@ def test_a_route_leads_around(start: Point, goal: Point) -> None:
 def test_there_is_no_route_out_of_the_fence() -> None:
     start = Mover(id="h1", position_m=(30.0, 30.0, 20.0), speed_mps=8.0)
     assert safe_route(start, (100.0, 0.0, 20.0), (), RULES) is None
+
+
+def test_what_there_is_no_way_around_is_flown_over_or_under() -> None:
+    def shut_in_below(ceiling_m: float) -> Airspace:
+        ring = [(-60.0, 60.0), (-60.0, -60.0), (60.0, -60.0), (60.0, 60.0), (-60.0, 60.0)]
+        walls = [Flight(host="h9", points_m=((*a, 40.0), (*b, 40.0))) for a, b in pairwise(ring)]
+        return replace(clear_of(Airspace(), walls, 10.0), floor_m=5.0, ceiling_m=ceiling_m)
+
+    mover, goal = Mover(id="h1", position_m=(-100.0, 0.0, 40.0), speed_mps=8.0), (0.0, 0.0, 40.0)
+    over = safe_route(mover, goal, (), replace(RULES, airspace=shut_in_below(60.0)))
+    assert over is not None
+    assert over.points_m == ((-100.0, 0.0, 52.0), (0.0, 0.0, 52.0), goal)
+    under = safe_route(mover, goal, (), replace(RULES, airspace=shut_in_below(50.0)))
+    assert under is not None
+    assert under.points_m == ((-100.0, 0.0, 28.0), (0.0, 0.0, 28.0), goal)
+    low = replace(shut_in_below(50.0), floor_m=30.0)
+    assert safe_route(mover, goal, (), replace(RULES, airspace=low)) is None
+
+
+@given(places, places, places, places)
+@settings(deadline=None, max_examples=60)
+def test_ways_that_keep_clear_of_an_aircraft_are_never_nearer_than_the_separation_less_what_hosts_wander(
+    start: Point, goal: Point, at: Point, to: Point
+) -> None:
+    other, way = Flight(host="h9", points_m=(at, to)), Flight(host="h1", points_m=(start, goal))
+    airspace = clear_of(Airspace(), [other], 10.0)
+    if airspace.room_m(start) >= 0 and why_outside(airspace, way.points_m) is None:
+        assert gap_m(way, other) >= 10.0 - WANDER_M
+    if gap_m(way.start, other) < 10.0 - WANDER_M:
+        assert why_outside(airspace, (start, start)) == "comes too near to h9"

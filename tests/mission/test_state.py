@@ -129,6 +129,13 @@ def test_a_plan_is_due_when_its_hosts_should_be_there_and_one_has_not_been_able_
     assert replan_reason(flying, tracks, HOSTS, 106.0, RULES, PLANNING, ["h2"]) == reason
 
 
+def test_a_plan_is_due_at_once_when_a_host_of_it_cannot_get_to_its_hover_point() -> None:
+    flying, tracks = with_proposal_flying(planned()), (track("t1", 103, 3),)
+    at = [replan_reason(flying, tracks, HOSTS, now_s, RULES, PLANNING, ["h2"], ["h2"]) for now_s in (101.9, 102.1)]
+    assert at == [None, "host h2 cannot get to its hover point"]
+    assert replan_reason(planned(), tracks, HOSTS, 103.0, RULES, PLANNING, ["h2"], ["h2"]) is None, "one is proposed"
+
+
 def test_a_plan_that_is_kept_although_a_host_waits_is_not_asked_for_again_at_once() -> None:
     threat, now_s = Threat(id="t1", position_m=(6.0, 0.0, 40.0), velocity_mps=(1.0, 0.0, 0.0)), 106.0
     keeps = replace(decision(threat), keeps=True, window_start_s=now_s)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from hsop_gcs.assignment import Departure, HostOrder, why_outside
+from hsop_gcs.assignment import Departure, Flight, HostOrder, in_the_way, why_outside
 from hsop_gcs.fleet import FlightLimits
 from hsop_gcs.link.events import Arrived, CommandFinished, Event, OrderAccepted, OrderFailed, OrderSuperseded
 from hsop_gcs.link.protocol.telemetry import VehicleState
@@ -38,6 +38,7 @@ from hsop_gcs.mission.planning import Decision, PlanningRules
 from hsop_gcs.mission.records import from_record, to_record
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.mission.traffic import Blocked, Traffic
+from hsop_gcs.mission.whereabouts import whereabouts
 from hsop_gcs.placement.airspace import Airspace, KeepOut
 from hsop_gcs.placement.problem import Formulation, Objective, Point
 from hsop_gcs.placement.solution import Placement, Status
@@ -78,7 +79,8 @@ def reported(mission: MissionState, position_m: Point, time_s: float, threat: st
 def aircraft(
     host: str, position_m: Point | None, *, obeys: bool = True, reached: str | None = None, **changes: Any
 ) -> Aircraft:
-    state = replace(VehicleState(system=1, link_up=True, armed=True, in_air=True, mode="Guided"), **changes)
+    heard = VehicleState(system=1, link_up=True, armed=True, in_air=True, mode="Guided", position_heard_s=0.0)
+    state = replace(heard, **changes)
     return Aircraft(id=host, state=state, now_s=0.0, position_m=position_m, obeys=obeys, reached=reached)
 
 
@@ -184,20 +186,53 @@ def test_a_host_that_its_autopilot_has_taken_over_is_given_up_and_not_commanded(
     assert moved(mission, NOW_S + 9, failsafe, closed="h1")[1] == []
 
 
-def test_others_keep_clear_of_where_a_host_may_fly_that_does_not_hear_that_it_is_to_stop() -> None:
-    mission = flying(("h2", (60, 50, 40)), ("h1", (100, 0, 40)))
-    on_its_way = replace(mission.progress["h1"], status=OrderStatus.SENT, departures=1)
+def silent_on_its_way(silent_s: float) -> tuple[MissionState, Aircraft, Aircraft]:
+    """A mission in which h1 has fallen silent on its way east, h1, and h2, which is to fly north across that way."""
+    mission = flying(("h2", (60, 50, 40)), ("h1", (180, 0, 40)))
+    order = replace(mission.progress["h1"].order, via_m=((100, 0, 40),))
+    on_its_way = replace(mission.progress["h1"], order=order, status=OrderStatus.SENT, departures=1)
     mission = replace(mission, progress={**mission.progress, "h1": on_its_way})
-    silent, h2 = aircraft("h1", (20.0, 0.0, 40.0), link_up=False), aircraft("h2", (60.0, -50.0, 40.0))
+    silent = aircraft("h1", (20.0, 0.0, 40.0), link_up=False, position_heard_s=-silent_s)
+    h2 = aircraft("h2", (60.0, -50.0, 40.0))
     mission, moves = moved(mission, NOW_S + 1, silent, h2, closed="h1")
     assert [type(move) for move in moves] == [HostStopped]
-    assert mission.pending["h1"].ahead_m == ((100, 0, 40),)
-    assert blocked(mission, "h2", NOW_S + 3, silent, h2, closed="h1") == "waits for h1 to pass"
+    return mission, silent, h2
+
+
+def test_an_unheard_host_may_be_on_its_leg_and_later_at_one_of_its_ends() -> None:
+    limits = FlightLimits(speed_mps=8.0)
+    mission, silent, _ = silent_on_its_way(3.0)
+    on_the_leg, here, there = (((20, 0, 40), (100, 0, 40)), ((20, 0, 40),), ((100, 0, 40),))
+    assert [each.points_m for each in whereabouts(mission, silent, limits)] == [on_the_leg], "not its later legs"
+    for silent_s, places in ((2 * 80 / 8, [on_the_leg]), (3.5 * 80 / 8, [here, there])):
+        later = replace(silent, now_s=silent_s - 3.0)
+        assert [each.points_m for each in whereabouts(mission, later, limits)] == places
+    heard = aircraft("h1", (70.0, 0.0, 40.0))
+    assert [each.points_m for each in whereabouts(mission, heard, limits)] == [((70, 0, 40),)]
     held = apply(mission, HostSpoke(time_s=NOW_S + 4, host="h1", event=HELD))
     assert held.pending == {}
-    (departed,) = moved(held, NOW_S + 4, silent, h2, closed="h1")[1]
-    assert isinstance(departed, HostDeparted)
-    assert departed.host == "h2"
+    assert [each.points_m for each in whereabouts(held, silent, limits)] == [here]
+    landed = aircraft("h1", (70.0, 0.0, 40.0), in_air=False)
+    assert whereabouts(mission, landed, limits) == ()
+
+
+def test_others_go_around_where_an_unheard_host_may_be_and_straight_on_when_it_must_have_passed() -> None:
+    mission, silent, h2 = silent_on_its_way(3.0)
+    (around,) = moved(mission, NOW_S + 3, silent, h2, closed="h1")[1]
+    assert isinstance(around, HostDeparted)
+    lines = Flight(host="h2", points_m=((60, -50, 40), *around.route_m))
+    assert in_the_way(lines, [Flight(host="h1", points_m=((20, 0, 40), (100, 0, 40)))], 10.0) is None
+    mission, silent, h2 = silent_on_its_way(40.0)
+    (straight_on,) = moved(mission, NOW_S + 3, silent, h2, closed="h1")[1]
+    assert isinstance(straight_on, HostDeparted)
+    assert straight_on.route_m == ((60, 50, 40),)
+
+
+def test_nobody_waits_for_a_host_that_cannot_be_sent_to_depart_first() -> None:
+    mission = flying(("h1", (100, 0, 40)), ("h2", (60, 50, 40)))
+    south = (60.0, -50.0, 40.0)
+    assert blocked(mission, "h2", h2=south) == "waits for h1 to pass"
+    assert [move.host for move in moved(mission, closed="h1", h2=south)[1] if isinstance(move, HostDeparted)] == ["h2"]
 
 
 TOWER = Airspace(keep_outs=(KeepOut(polygon=((-30.0, 60.0), (30.0, 60.0), (30.0, 70.0), (-30.0, 70.0))),))
@@ -280,28 +315,41 @@ def test_a_host_that_would_be_nearer_to_the_threat_if_it_stopped_flies_on() -> N
     assert statuses(mission) == {"h1": "sent"}
 
 
-def test_a_host_that_somebody_puts_in_the_way_stops_the_one_that_flies() -> None:
+def test_a_host_that_somebody_puts_in_the_way_stops_the_one_that_flies_which_then_goes_around_it() -> None:
     mission, _ = moved(flying(("h1", (0, 90, 40))))
     mission, moves = moved(mission, h2=(4.0, 50.0, 40.0))
     (stop,) = moves
     assert isinstance(stop, HostStopped)
     assert (stop.gate, stop.reason) == ("separation", "comes too near to h2")
-    later_s = NOW_S + 2
-    assert blocked(mission, "h1", later_s, h2=(4.0, 50.0, 40.0)) == "waits for h2 to pass"
-    assert [type(move) for move in moved(mission, later_s, h2=(14.0, 50.0, 40.0))[1]] == [HostDeparted]
+    (around,) = moved(mission, NOW_S + 2, h2=(4.0, 50.0, 40.0))[1]
+    assert isinstance(around, HostDeparted)
+    way = Flight(host="h1", points_m=(PLACES["h1"], *around.route_m))
+    assert in_the_way(way, [Flight(host="h2", points_m=((4.0, 50.0, 40.0),))], 10.0) is None
+    (on,) = moved(mission, NOW_S + 2, h2=(14.0, 50.0, 40.0))[1]
+    assert isinstance(on, HostDeparted)
+    assert on.route_m == ((0, 90, 40),)
+
+
+def test_one_that_hovers_at_a_hosts_hover_point_is_in_its_way_for_good() -> None:
+    mission = flying(("h1", (0, 90, 40)))
+    (found,) = [each for each in traffic(mission, h2=(4.0, 90.0, 40.0)).moves() if isinstance(each, Blocked)]
+    assert (found.reason, found.for_good) == ("h2 is in its way", True)
+    mission = reported(mission, (0.0, 95.0, 40.0), NOW_S)
+    (found,) = [each for each in traffic(mission, h2=(4.0, 90.0, 40.0)).moves() if isinstance(each, Blocked)]
+    assert (found.reason, found.for_good) == ("comes to 5 m from threat t2", False), "threats move on"
 
 
 def test_a_host_that_was_stopped_and_cannot_go_on_for_long_is_planned_without() -> None:
     mission, _ = moved(flying(("h1", (0, 90, 40))))
-    mission, _ = moved(mission, h2=(4.0, 50.0, 40.0))
+    mission, _ = moved(mission, h2=(4.0, 88.0, 40.0))
     plan = mission.plans.flying
     assert plan is not None
     kept = replace(mission.plans, flying=replace(plan, expires_at_s=NOW_S + 60))
-    in_the_way = aircraft("h2", (4.0, 50.0, 40.0))
-    assert moved(mission, NOW_S + 31, in_the_way)[1] == [], "its plan has run out: it is not the host's fault"
+    at_its_goal = aircraft("h2", (4.0, 88.0, 40.0))
+    assert moved(mission, NOW_S + 31, at_its_goal)[1] == [], "its plan has run out: it is not the host's fault"
     mission = replace(mission, plans=kept)
-    assert moved(mission, NOW_S + 29, in_the_way)[1] == []
-    mission, moves = moved(mission, NOW_S + 31, in_the_way)
+    assert moved(mission, NOW_S + 29, at_its_goal)[1] == []
+    mission, moves = moved(mission, NOW_S + 31, at_its_goal)
     assert [type(move) for move in moves] == [HostSetAside]
     assert mission.why_aside("h1", NOW_S + 90) == "it could not go on for 30 s"
     assert mission.why_aside("h1", NOW_S + 92) is None

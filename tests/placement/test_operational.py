@@ -236,6 +236,12 @@ def why_not(problem: Problem, n_hosts: int | None = None) -> str:
             "threat t1 cannot be seen by any two hosts: the keep-out area is in the way",
         ),
         (
+            Problem(
+                threats=(STILL,), airspace=Airspace(keep_outs=(KeepOut(polygon=square(0.0, 0.0, 150.0), host="h9"),))
+            ),
+            "threat t1 cannot be seen by any two hosts: h9 is in the way",
+        ),
+        (
             Problem(threats=(STILL,), airspace=Airspace(floor_m=150.0, ceiling_m=200.0)),
             "threat t1 is 110.0 m beyond the floor of 150 m, and is detected no farther than 91.2 m away",
         ),
