@@ -180,7 +180,9 @@ def settled(client: httpx2.Client, what: str) -> tuple[str, set[str]]:
         wait_until(look, limit_s=FLIGHT_S)
     except AssertionError:
         shown = {name: (host["mode"], host["order"], host["last_text"]) for name, host in hosts_of(client).items()}
-        raise AssertionError(f"{what}: not settled: {shown}") from None
+        failed = client.get("/api/v1/plan").json()["failed"]
+        why = f"no newer plan: {failed['reason']}; " if failed else ""
+        raise AssertionError(f"{what}: not settled: {why}{shown}") from None
     print(f"\n{what}: {plan_id} settled after {time.monotonic() - started - SETTLED_FOR_S:.0f} s")  # noqa: T201
     for name, (hover_m, heading_deg, gimbal_deg) in sorted(worst.items()):
         print(f"  {name}: hover {hover_m:.2f} m, heading {heading_deg:.2f}°, gimbal {gimbal_deg:.2f}°")  # noqa: T201
