@@ -1,4 +1,5 @@
-"""Large-neighbourhood search: anneal a few hosts near one or two threats again, keep what is better.
+"""Large-neighbourhood search: anneal a few hosts near one or two threats again, or put one across a path; keep what is
+better.
 
 Plain Python on top of kernels: calling one takes microseconds, and whatever contains ``anneal`` and ``polish`` would
 compile them once more.
@@ -13,11 +14,12 @@ from hsop_gcs.geometry.compiled import kernel
 from hsop_gcs.placement.search.anneal import anneal, scatter
 from hsop_gcs.placement.search.chance import State as Chance
 from hsop_gcs.placement.search.chance import below, uniform
-from hsop_gcs.placement.search.model import Ints, Question, edge_energy
-from hsop_gcs.placement.search.moves import jump, keep_clear
+from hsop_gcs.placement.search.known import NO_POSES, poses_about
+from hsop_gcs.placement.search.model import Floats, Ints, Question, edge_energy
+from hsop_gcs.placement.search.moves import jump, keep_clear, mirror
 from hsop_gcs.placement.search.parts import Part, groups, put_together, question_about
 from hsop_gcs.placement.search.polish import polish
-from hsop_gcs.placement.search.poses import anneal_poses, decided_by_poses, sight_of
+from hsop_gcs.placement.search.poses import anneal_poses, decided_by_poses, shares_nothing, sight_of
 from hsop_gcs.placement.search.state import State, copied, copy_state, new_state, refresh, set_view, totals
 
 POLISH_STEPS = 80
@@ -32,8 +34,11 @@ MENDING_STIFFNESS = 60.0
 """Of penalties while no placement keeps every rule: cost matters little then."""
 MENDING_STIFFNESS_OF_POSES = 200.0
 """The same for anneals over poses: where two hosts see eight threats, 3 of 4 then keep every rule, else none."""
+OTHER_SIDE, OVER_POSES = 0.15, 0.55
+"""Of a draw for every trial: below the first a host goes to the other side of a threat's path, below the second poses
+are annealed, where that holds."""
 TRANSFERS = 0.6
-"""Share of the trials that begin by giving a host to another threat."""
+"""Share of the others that begin by giving a host to another threat."""
 COOLEST, HOTTEST = -1.5, 0.0
 """First temperatures, as powers of ten."""
 PROMISING = 0.02
@@ -43,8 +48,6 @@ JOINT = 0.5
 """Share of the parts grown again that take another one beside them in."""
 GROWING_MOVES = 2_000
 """For each of their threats."""
-MOST_GATHERED, GATHERING_MOVES = 3, 1_500
-"""Threats beside each other that are tried by themselves, and moves for each."""
 
 Found = tuple[State, Sequence[int]]
 """A placement and the numbers of the threats it has."""
@@ -90,23 +93,25 @@ def better(cost: float, violation: float, than_cost: float, than_violation: floa
     return cost < than_cost
 
 
-def shares_nothing(q: Question, s: State) -> bool:
-    """Whether there are two hosts for each of several threats, alike and out of each other's way: each is by itself."""
-    apart = q.separation_m <= 0 and len(q.hosts_of_rig) == 1
-    return bool(apart and len(s.pairs) > 1 and len(s.degree) == 2 * len(s.pairs))
-
-
 def starts_quickly(q: Question, s: State) -> bool:
     """Whether ``fresh`` takes few moves: over poses alone, or threat by threat."""
     return decided_by_poses(q, s) or shares_nothing(q, s)
 
 
 def fresh(
-    q: Question, s: State, trial: State, moves: int, reach_m: float, chance: Chance, *, mending: bool = False
+    q: Question,
+    s: State,
+    trial: State,
+    moves: int,
+    reach_m: float,
+    known: Floats,
+    chance: Chance,
+    *,
+    mending: bool = False,
 ) -> None:
     """Anneal an empty state from random poses, leaving the polished result in ``s``.
 
-    mending: others kept breaking rules.
+    known: poses of which some are tried again. mending: others kept breaking rules.
     """
     hosts, threats = np.arange(s.degree.shape[0]), np.arange(s.pairs.shape[0])
     if shares_nothing(q, s):
@@ -114,13 +119,13 @@ def fresh(
         for threat in range(threats.size):
             alone.append(Part((threat,), new_state(1, 2)))
             own = question_about(q, [threat])
-            fresh(own, alone[-1].state, new_state(1, 2), moves // threats.size, reach_m, chance)
+            fresh(own, alone[-1].state, new_state(1, 2), moves // threats.size, reach_m, NO_POSES, chance)
         copy_state(put_together(q, alone), s)
         return
     if decided_by_poses(q, s):
         scatter(q, s, chance)
         soft = MENDING_STIFFNESS_OF_POSES if mending else STIFFNESS
-        anneal_poses(q, sight_of(q), s, moves, HOT, COLD, reach_m, soft, HARDENING * soft, chance)
+        anneal_poses(q, sight_of(q), s, hosts, moves, HOT, COLD, reach_m, soft, HARDENING * soft, known, chance)
     else:
         scatter(q, trial, chance)
         anneal(q, trial, s, hosts, threats, moves, HOT, COLD, reach_m, STIFFNESS, chance)
@@ -179,13 +184,22 @@ def transfer(q: Question, s: State, threat: int, marks: Ints, chance: Chance) ->
     return True
 
 
+@kernel
+def cross(q: Question, s: State, threat: int, end: int) -> None:
+    """Put one host of a threat on the other side of its path."""
+    host = s.pairs[threat, end]
+    mirror(q, s, host, threat, end)
+    keep_clear(q, s, host)
+    refresh(q, s)
+
+
 def same_place(s: State, other: State) -> bool:
     """Return whether two states see every threat alike, with all hosts in nearly the same places."""
     alike = np.array_equal(s.pairs, other.pairs) and np.array_equal(s.cameras, other.cameras)
     return alike and bool(np.abs(s.positions - other.positions).max() < SAME_PLACE_M)
 
 
-def regrown(q: Question, s: State, reach_m: float, chance: Chance) -> Found:
+def regrown(q: Question, s: State, reach_m: float, known: Floats, chance: Chance) -> Found:
     """Anneal a part of ``s``, or two beside each other, from random poses, with as many hosts or one more or less."""
     apart = list(groups(s))
     threat = costlier(s, chance)
@@ -196,36 +210,9 @@ def regrown(q: Question, s: State, reach_m: float, chance: Chance) -> Found:
         threats, hosts = sorted(threats + beside), hosts + more
     most = min(2 * len(threats), int(q.hosts_of_rig.sum()))
     count = min(max(2, len(hosts) + below(chance, 3) - 1), most)
-    return grown(q, threats, count, GROWING_MOVES, reach_m, chance)
-
-
-def gathered(q: Question, s: State, reach_m: float, chance: Chance) -> Found | None:
-    """Anneal a few threats near each other from random poses, whoever sees them now; None where none can be apart.
-
-    The others are left hosts enough, and no more than they can use. Threats that hosts hold together need at most one
-    host more than they are.
-    """
-    threats, n_hosts = len(s.pairs), len(s.degree)
-    kinds = [
-        (size, count)
-        for size in range(1, min(MOST_GATHERED, threats - 1) + 1)
-        for count in range(max(2, n_hosts - 2 * (threats - size)), min(size + 1, n_hosts - 2) + 1)
-    ]
-    if not kinds:
-        return None
-    first = costlier(s, chance) if uniform(chance) < 0.5 else below(chance, threats)
-    size, count = kinds[below(chance, len(kinds))]
-    middles = q.points_m.mean(axis=1)
-    away = np.abs(middles - middles[first]).sum(axis=1)
-    rank = away * np.array([0.5 + uniform(chance) for _ in range(threats)])
-    chosen = sorted(np.argsort(rank, kind="stable")[:size].tolist())
-    return grown(q, chosen, count, GATHERING_MOVES, reach_m, chance)
-
-
-def grown(q: Question, threats: Sequence[int], n_hosts: int, moves: int, reach_m: float, chance: Chance) -> Found:
-    """Anneal some threats by themselves from random poses, with so many moves for each."""
-    state, trial = new_state(len(threats), n_hosts), new_state(len(threats), n_hosts)
-    fresh(question_about(q, list(threats)), state, trial, moves * len(threats), reach_m, chance)
+    state, trial = new_state(len(threats), count), new_state(len(threats), count)
+    moves = GROWING_MOVES * len(threats)
+    fresh(question_about(q, threats), state, trial, moves, reach_m, poses_about(known, threats), chance)
     return state, threats
 
 
@@ -237,6 +224,7 @@ def improve(
     rounds: int,
     moves_per_host: int,
     reach_m: float,
+    known: Floats,
     chance: Chance,
     found: list[Found],
 ) -> int:
@@ -244,34 +232,48 @@ def improve(
 
     Returns how many rounds helped.
     """
-    everything = range(s.pairs.shape[0])
     threats, hosts = s.pairs.shape[0], s.degree.shape[0]
+    over_poses = decided_by_poses(q, s)
     cost, violation = totals(q, s)
     helped = 0
     for _ in range(rounds):
         marks = np.zeros(hosts, np.int64)
         threat = costlier(s, chance)
         mark_nearest(q, s, threat, 2 + below(chance, 4), marks)
-        copy_state(s, trial)
-        if uniform(chance) < TRANSFERS:
-            if not transfer(q, trial, threat, marks, chance):
-                copy_state(s, trial)
-        elif uniform(chance) < 0.5:
-            mark_nearest(q, s, below(chance, threats), 1 + below(chance, 3), marks)
-        chosen = marked(marks)
-        inside = marked(marks[trial.pairs].min(axis=1))
-        here = s.cost[inside].sum()
         hot = 10 ** (COOLEST + (HOTTEST - COOLEST) * uniform(chance))
         stiffness = MENDING_STIFFNESS if violation > 0 else STIFFNESS
-        reach = reach_m * uniform(chance)
-        moves = moves_per_host * chosen.size
-        anneal(q, trial, best, chosen, inside, moves, hot, COLD_AGAIN, reach, stiffness, chance)
+        kind = uniform(chance)
+        if kind < OTHER_SIDE:
+            most = math.inf
+            copy_state(s, best)
+            cross(q, best, threat, below(chance, 2))
+            marks[:] = 1
+        elif kind < OVER_POSES and over_poses:
+            most = cost * (1 + PROMISING)
+            copy_state(s, best)
+            chosen, stiff = marked(marks), HARDENING * stiffness
+            moves = moves_per_host * chosen.size
+            anneal_poses(q, sight_of(q), best, chosen, moves, hot, COLD_AGAIN, reach_m, stiffness, stiff, known, chance)
+            marks[:] = 1  # others may see something else now
+        else:
+            copy_state(s, trial)
+            if uniform(chance) < TRANSFERS:
+                if not transfer(q, trial, threat, marks, chance):
+                    copy_state(s, trial)
+            elif uniform(chance) < 0.5:
+                mark_nearest(q, s, below(chance, threats), 1 + below(chance, 3), marks)
+            chosen = marked(marks)
+            inside = marked(marks[trial.pairs].min(axis=1))
+            most = cost + PROMISING * s.cost[inside].sum()
+            moves = moves_per_host * chosen.size
+            reach = reach_m * uniform(chance)
+            anneal(q, trial, best, chosen, inside, moves, hot, COLD_AGAIN, reach, stiffness, chance)
         new_cost, new_violation = totals(q, best)
-        promising = new_violation <= 0 and (violation > 0 or new_cost < cost + PROMISING * here)
+        promising = new_violation <= 0 and (violation > 0 or new_cost < most)
         if promising and not (violation <= 0 and new_cost >= cost and same_place(s, best)):
             polish(q, best, marks, POLISH_STEPS)
             new_cost, new_violation = totals(q, best)
-            found.append((copied(best), everything))
+            found.append((copied(best), range(threats)))
         if better(new_cost, new_violation, cost * (1 - 1e-9), violation):
             copy_state(best, s)
             cost, violation = new_cost, new_violation

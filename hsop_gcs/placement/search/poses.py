@@ -2,8 +2,8 @@
 
 Where hosts stand and look decides by itself who sees what: a change of one pose may change all pairs at once, and there
 are no barriers between pair sets. For that a host's central camera looks to the middle of one threat, or of two, and
-what does not fit in there is seen by its fisheyes. It holds for questions in a plane with rigs that are all alike, in
-which hosts do not stand in each other's way.
+what does not fit in there is seen by its fisheyes. It holds for questions in a plane in which hosts do not stand in
+each other's way; every host keeps its rig.
 """
 
 import math
@@ -38,42 +38,50 @@ SIZES = 512
 """Steps of a table of relative sizes: an error far below ``STRICTER``."""
 A_LITTLE = 0.02
 """A central camera is used up to this violation; beyond, the fisheyes."""
+AGAIN = 0.5
+"""Share of the jumps that go to a known pose."""
+
+
+def shares_nothing(q: Question, s: State) -> bool:
+    """Whether there are two hosts for each of several threats, alike and out of each other's way: each is by itself."""
+    apart = q.separation_m <= 0 and len(q.hosts_of_rig) == 1
+    return bool(apart and len(s.pairs) > 1 and len(s.degree) == 2 * len(s.pairs))
 
 
 def decided_by_poses(q: Question, s: State) -> bool:
     """Whether ``anneal_poses`` holds for a question, and threats are not each by itself."""
-    alike = len(q.hosts_of_rig) == 1 and q.separation_m <= 0 and len(q.areas) == 0
-    together = len(s.degree) < 2 * len(s.pairs) or len(s.pairs) == 1
-    return bool(q.plane and alike and not q.whole_path and together)
+    free = q.separation_m <= 0 and len(q.areas) == 0 and not q.whole_path
+    return bool(q.plane and free and not shares_nothing(q, s))
 
 
 class Sight(NamedTuple):
     """What every look of one anneal takes from the question, computed once."""
 
     sizes: Floats
-    """Relative sizes in a fisheye, by the cosine to its axis, from 0 to 1 in steps of 1 / SIZES."""
+    """(rigs, SIZES + 2): relative sizes in a fisheye, by the cosine to its axis, from 0 to 1 in steps of 1 / SIZES."""
     nearness: Floats
     """(lenses, threats): one over the range."""
-    inside: float
-    """The cosine of half the field of view."""
-    per_across: float
+    inside: Floats
+    """(rigs,): the cosine of half the field of view."""
+    per_across: Floats
     """One over its sine."""
     per_safety: float
 
 
 def sight_of(q: Question) -> Sight:
-    """Return it for a question whose hosts are all alike."""
-    half = 0.5 * q.fov_rad[0] - STRICTER
-    sizes = np.empty(SIZES + 2)
+    """Return it for a question."""
+    half = 0.5 * q.fov_rad - STRICTER
+    sizes = np.empty((len(half), SIZES + 2))
     fill_sizes(q, sizes)
-    return Sight(sizes, 1 / q.range_m, math.cos(half), 1 / math.sin(half), 1 / q.safety_m)
+    return Sight(sizes, 1 / q.range_m, np.cos(half), 1 / np.sin(half), 1 / q.safety_m)
 
 
 @lean_kernel
 def fill_sizes(q: Question, sizes: Floats) -> None:
-    """Tabulate the relative size."""
-    for n in range(SIZES + 2):
-        sizes[n] = relative_size(min(1.0, n / SIZES), q.distortion, 0)
+    """Tabulate the relative sizes."""
+    for rig in range(sizes.shape[0]):
+        for n in range(SIZES + 2):
+            sizes[rig, n] = relative_size(min(1.0, n / SIZES), q.distortion, rig)
 
 
 @lean_kernel
@@ -105,29 +113,35 @@ def look(q: Question, sight: Sight, s: State, aims: Ints, host: int, views: Floa
             d = math.sqrt(ex * ex + ey * ey) + 1e-12
             view[k], view[2 + 2 * k], view[3 + 2 * k] = d, ex / d, ey / d
     px, py = middle_of_aims(aims, host, views)
+    rig = s.rigs[host]
+    peripheral, central = 2 * rig + PERIPHERAL, 2 * rig + CENTRAL
     for threat in range(q.weight.shape[0]):
         view = views[threat]
         violation = beyond = 0.0
         for k in range(2):
             violation += max(0.0, 1 + STRICTER - view[k] * sight.per_safety)
-            beyond += max(0.0, view[k] * sight.nearness[CENTRAL, threat] - 1 + STRICTER)
+            beyond += max(0.0, view[k] * sight.nearness[central, threat] - 1 + STRICTER)
         if beyond < A_LITTLE:
             for k in range(2):
-                beyond += max(0.0, (sight.inside - view[2 + 2 * k] * px - view[3 + 2 * k] * py) * sight.per_across)
+                beyond += max(
+                    0.0, (sight.inside[rig] - view[2 + 2 * k] * px - view[3 + 2 * k] * py) * sight.per_across[rig]
+                )
         view[7] = CENTRAL if beyond < A_LITTLE else PERIPHERAL
         if beyond < A_LITTLE:
             violation += beyond
         for k in range(2):
             d = view[k]
             if beyond < A_LITTLE:
-                view[k] = distance_factor(q, CENTRAL, threat, d)
+                view[k] = distance_factor(q, central, threat, d)
             else:
-                view[k] = distance_factor(q, PERIPHERAL, threat, d)
+                view[k] = distance_factor(q, peripheral, threat, d)
                 size = abs(view[2 + 2 * k] * ax + view[3 + 2 * k] * ay)
-                away = d * sight.nearness[PERIPHERAL, threat]
+                away = d * sight.nearness[peripheral, threat]
                 if away < 1:
                     at = int(size * SIZES)
-                    size = sight.sizes[at] + (size * SIZES - at) * (sight.sizes[at + 1] - sight.sizes[at])
+                    size = sight.sizes[rig, at] + (size * SIZES - at) * (
+                        sight.sizes[rig, at + 1] - sight.sizes[rig, at]
+                    )
                 violation += max(0.0, away - size + STRICTER)
                 if not q.rms:
                     view[k] /= max(size, SMALLEST_RELATIVE_SIZE)
@@ -172,8 +186,11 @@ def best_pair(
 
 
 @lean_kernel
-def propose(q: Question, s: State, aims: Ints, pairs: Ints, host: int, reach_m: float, chance: Chance) -> None:
-    """Change one host's pose: a step of random scale up to ``reach_m``, a turn, another aim, or a jump to a threat."""
+def propose(
+    q: Question, s: State, aims: Ints, pairs: Ints, host: int, reach_m: float, known: Floats, chance: Chance
+) -> None:
+    """Change one host's pose: a step of random scale up to ``reach_m``, a turn, another aim, or a jump to a known pose
+    or a threat."""
     threats = q.weight.shape[0]
     kind = uniform(chance)
     if kind < 0.66:
@@ -191,6 +208,11 @@ def propose(q: Question, s: State, aims: Ints, pairs: Ints, host: int, reach_m: 
             aims[host, 1] = below(chance, threats)
     elif 0.84 <= kind < 0.88:
         turn_towards(q, s, host, below(chance, threats), uniform(chance))
+    elif kind >= 0.88 and known.shape[0] > 0 and uniform(chance) < AGAIN:
+        n = below(chance, known.shape[0])
+        s.positions[host, 0], s.positions[host, 1] = known[n, 0], known[n, 1]
+        s.axes[host, 0], s.axes[host, 1] = known[n, 2], known[n, 3]
+        aims[host, 0], aims[host, 1] = int(known[n, 4]), int(known[n, 5])
     elif kind >= 0.88:
         threat, k = below(chance, threats), below(chance, 2)
         distance = q.safety_m * (1 + 0.6 * uniform(chance) ** 3)
@@ -222,18 +244,20 @@ def anneal_poses(
     q: Question,
     sight: Sight,
     s: State,
+    hosts: Ints,
     moves: int,
     hot: float,
     cold: float,
     reach_m: float,
     soft: float,
     stiff: float,
+    known: Floats,
     chance: Chance,
 ) -> None:
-    """Anneal all poses in ``s``, from where hosts stand, and leave the pairs and cameras that fit them.
+    """Anneal the poses of some hosts in ``s``, from where they stand, and leave the pairs and cameras that fit all.
 
     Temperatures and reach are those of ``anneal``; ``soft`` and ``stiff`` are the first and the last price of a
-    violation of 1, relative to the cost of an average threat.
+    violation of 1, relative to the cost of an average threat. known: see ``KnownPoses``; there may be none.
     """
     threats, count = s.pairs.shape[0], s.degree.shape[0]
     aims = np.zeros((count, 2), np.int64)
@@ -253,7 +277,7 @@ def anneal_poses(
         if aimed < 2:
             aims[host, 1] = aims[host, 0]
         look(q, sight, s, aims, host, views[host])
-    chunk = 50 + 10 * count
+    chunk = 50 + 10 * hosts.size
     chunks = max(2, moves // chunk)
     penalty = soft
     for n in range(chunks):
@@ -270,11 +294,11 @@ def anneal_poses(
         for threat in range(threats):
             energy[threat], pairs[threat, 0], pairs[threat, 1] = best_pair(q, threat, views, -1, penalty, math.inf)
         for _ in range(chunk):
-            host = below(chance, count)
+            host = hosts[below(chance, hosts.size)]
             x, y = s.positions[host, 0], s.positions[host, 1]
             east, north = s.axes[host, 0], s.axes[host, 1]
             first, second = aims[host, 0], aims[host, 1]
-            propose(q, s, aims, pairs, host, reach, chance)
+            propose(q, s, aims, pairs, host, reach, known, chance)
             look(q, sight, s, aims, host, seen)
             more = 0.0
             for threat in range(threats):

@@ -10,9 +10,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 from hsop_gcs.placement.search.chance import State as Chance
 from hsop_gcs.placement.search.chance import seeded
+from hsop_gcs.placement.search.known import KnownPoses
 from hsop_gcs.placement.search.model import Question
 from hsop_gcs.placement.search.moves import mend
-from hsop_gcs.placement.search.neighbourhood import Found, fresh, gathered, improve, regrown, shake, starts_quickly
+from hsop_gcs.placement.search.neighbourhood import Found, fresh, improve, regrown, shake, starts_quickly
 from hsop_gcs.placement.search.parts import Parts
 from hsop_gcs.placement.search.state import State, copied, copy_state, new_state, totals
 
@@ -30,8 +31,6 @@ TRIALS, TRIALS_AFTER_START, TRIALS_MEANWHILE = 5, 4, 12
 """Neighbourhoods that are annealed again in one task, in about two hundredths of a second; while another starts afresh,
 as many as take the same time."""
 TRIALS_AFTER_QUICK_START = 2
-GATHERINGS = 2
-"""Of a few threats in each task, where starts are quick."""
 MOVES_PER_HOST = 500
 WARM_TRIALS, SHAKE_MOVES = 3, 8_000
 """The first round from an earlier placement is a short one: little may be left to do."""
@@ -81,6 +80,7 @@ class Course:
         self.q, self.n_hosts, self.seed = q, n_hosts, seed
         self.pool = Pool()
         self.parts = Parts(q)
+        self.known = KnownPoses()
         self.round = 0
         self.settled = 0
         """The round in which the best changed last: no more than these are needed to find it again."""
@@ -105,6 +105,7 @@ class Course:
             gained |= self.pool.offer(self.q, state)
             for part, threats in found:
                 self.parts.take(part, threats)
+            self.known.take(found)
         together = self.parts.combined(self.n_hosts, self.pool.cost)
         if together is not None:
             gained |= self.pool.offer(self.q, together)
@@ -135,13 +136,9 @@ class Course:
             trials = TRIALS if starting is None else TRIALS_MEANWHILE
             choice = 0 if lane == 0 or self.round % 2 == 0 else (self.round // 2) % len(states)
             copy_state(states[choice], state)
-        improve(self.q, state, trial, spare, trials, MOVES_PER_HOST, REACH_M, chance, found)
+        improve(self.q, state, trial, spare, trials, MOVES_PER_HOST, REACH_M, self.known.rows, chance, found)
         if self.round > 0:
-            found.append(regrown(self.q, state, REACH_M, chance))
-            for _ in range(GATHERINGS if self._quick else 0):
-                apart = gathered(self.q, state, REACH_M, chance)
-                if apart is not None:
-                    found.append(apart)
+            found.append(regrown(self.q, state, REACH_M, self.known.rows, chance))
             if self._quick:
                 found.append(self._fresh(spare, trial, chance, mending=self.pool.best is None))
         return state, found
@@ -175,7 +172,7 @@ class Course:
         threats = len(self.q.weight)
         each = min(MOVES_PER_PAIR * threats, MOVES_PER_THREAT) if self._quick else MOVES_PER_THREAT
         moves = max(SHORTEST_START, threats * each)
-        fresh(self.q, state, trial, moves, REACH_M, chance, mending=mending)
+        fresh(self.q, state, trial, moves, REACH_M, self.known.rows, chance, mending=mending)
         return copied(state), range(threats)
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from hsop_gcs.placement.problem import Formulation, Problem
 from hsop_gcs.placement.search.chance import seeded
+from hsop_gcs.placement.search.known import NO_POSES
 from hsop_gcs.placement.search.model import Question
 from hsop_gcs.placement.search.neighbourhood import fresh
 from hsop_gcs.placement.search.parts import Parts, groups, question_about
@@ -25,7 +26,7 @@ def question(formulation: Formulation = Formulation.LETTER) -> Question:
 
 def annealed(q: Question, hosts: int, seed: int) -> State:
     state, trial = new_state(len(q.weight), hosts), new_state(len(q.weight), hosts)
-    fresh(q, state, trial, 2_000, 25.0, seeded(seed))
+    fresh(q, state, trial, 2_000, 25.0, NO_POSES, seeded(seed))
     return state
 
 

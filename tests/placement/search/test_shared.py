@@ -11,6 +11,7 @@ from hsop_gcs.placement.problem import Formulation, Objective, Problem
 from hsop_gcs.placement.search import frontier, search
 from hsop_gcs.placement.search.bounds import own_bounds
 from hsop_gcs.placement.search.chance import seeded
+from hsop_gcs.placement.search.known import NO_POSES
 from hsop_gcs.placement.search.model import Question
 from hsop_gcs.placement.search.neighbourhood import fresh
 from hsop_gcs.placement.search.question import frame_of, question_of
@@ -81,7 +82,7 @@ def test_no_placement_of_three_threats_is_below_it(n_hosts: int, objective: Obje
         assert violation > 0 or cost >= bound
     state, trial = new_state(3, n_hosts), new_state(3, n_hosts)
     for seed in range(20):
-        fresh(q, state, trial, 2_000, 25.0, seeded(seed))
+        fresh(q, state, trial, 2_000, 25.0, NO_POSES, seeded(seed))
         cost, violation = totals(q, state)
         valid += violation <= 0
         assert violation > 0 or cost >= bound
