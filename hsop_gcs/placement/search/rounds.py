@@ -10,8 +10,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 from hsop_gcs.placement.search.chance import State as Chance
 from hsop_gcs.placement.search.chance import seeded
-from hsop_gcs.placement.search.known import KnownPoses
-from hsop_gcs.placement.search.model import Question
+from hsop_gcs.placement.search.known import NO_POSES, KnownPoses
+from hsop_gcs.placement.search.model import Floats, Question
 from hsop_gcs.placement.search.moves import mend
 from hsop_gcs.placement.search.neighbourhood import Found, fresh, improve, regrown, shake, starts_quickly
 from hsop_gcs.placement.search.parts import Parts
@@ -30,10 +30,13 @@ RESTART_EVERY = 6
 TRIALS, TRIALS_AFTER_START, TRIALS_MEANWHILE = 5, 4, 12
 """Neighbourhoods that are annealed again in one task, in about two hundredths of a second; while another starts afresh,
 as many as take the same time."""
-TRIALS_AFTER_QUICK_START = 2
+TRIALS_AFTER_QUICK_START = 1
 MOVES_PER_HOST = 500
 WARM_TRIALS, SHAKE_MOVES = 3, 8_000
 """The first round from an earlier placement is a short one: little may be left to do."""
+MANY_VIEWS = 4
+"""Where hosts have so many, fresh starts do without known poses: one is too much of a placement, and they would come to
+what is known every time."""
 REACH_M = 25.0
 """The longest steps of hosts at the start of an anneal."""
 WORTH_GOING_ON = 1e-4
@@ -140,7 +143,8 @@ class Course:
         if self.round > 0:
             found.append(regrown(self.q, state, REACH_M, self.known.rows, chance))
             if self._quick:
-                found.append(self._fresh(spare, trial, chance, mending=self.pool.best is None))
+                known = self.known.rows if 2 * len(self.q.weight) < MANY_VIEWS * self.n_hosts else NO_POSES
+                found.append(self._fresh(spare, trial, known, chance, mending=self.pool.best is None))
         return state, found
 
     @property
@@ -161,18 +165,18 @@ class Course:
         """Leave the best of some short anneals from random poses in ``state``."""
         least = (math.inf, math.inf)
         for _ in range(STARTS):
-            found.append(self._fresh(spare, trial, chance, mending=0 < least[0] < math.inf))
+            found.append(self._fresh(spare, trial, NO_POSES, chance, mending=0 < least[0] < math.inf))
             cost, violation = totals(self.q, spare)
             if (violation, cost) < least:
                 least = (violation, cost)
                 copy_state(spare, state)
 
-    def _fresh(self, state: State, trial: State, chance: Chance, *, mending: bool) -> Found:
+    def _fresh(self, state: State, trial: State, known: Floats, chance: Chance, *, mending: bool) -> Found:
         """Leave a short anneal from random poses in ``state``; return a copy."""
         threats = len(self.q.weight)
         each = min(MOVES_PER_PAIR * threats, MOVES_PER_THREAT) if self._quick else MOVES_PER_THREAT
         moves = max(SHORTEST_START, threats * each)
-        fresh(self.q, state, trial, moves, REACH_M, self.known.rows, chance, mending=mending)
+        fresh(self.q, state, trial, moves, REACH_M, known, chance, mending=mending)
         return copied(state), range(threats)
 
 
