@@ -171,6 +171,8 @@ class HostLinkOut(BaseModel):
     """Share of frames lost over the last five seconds."""
     bad_frames: int
     """From its address; shared by hosts behind one radio."""
+    skipped_bytes: int
+    """From its address, of no frame: another protocol, another baud rate, or frames that were cut."""
     refused: int
     """Frames from other addresses."""
     signature_refused: dict[str, int]
@@ -342,6 +344,7 @@ class LinkHealth(BaseModel):
     received: int
     sent: int
     bad_frames: int
+    skipped_bytes: int
     unknown_messages: int
     lost: int
     not_in_fleet: int

@@ -18,6 +18,8 @@ class LinkCounters:
     received: int
     sent: int
     bad_frames: int
+    skipped_bytes: int
+    """Of no frame: another protocol, another baud rate, or frames that were cut."""
     unknown_messages: int
     """Good frames whose message id this system does not speak."""
     lost: int
@@ -59,6 +61,8 @@ class VehicleLink:
     """Share of frames lost over the last five seconds; None if nothing came."""
     bad_frames: int
     """From its address: shared by vehicles behind one radio."""
+    skipped_bytes: int
+    """Of no frame; from its address too."""
     refused: int
     signature_refused: dict[str, int]
     round_trip_s: float | None

@@ -124,6 +124,7 @@ class DecoderCounters:
     bad_frames: int = 0
     """Frames with a wrong checksum, a wrong length or flags nobody may ignore."""
     skipped_bytes: int = 0
+    """Of no frame: another protocol, another baud rate, or frames that were cut."""
 
 
 class Decoder:

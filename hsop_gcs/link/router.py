@@ -206,6 +206,7 @@ class Router:
             received=sum(counters.frames for counters in decoders),
             sent=self._sent,
             bad_frames=sum(counters.bad_frames for counters in decoders),
+            skipped_bytes=sum(counters.skipped_bytes for counters in decoders),
             unknown_messages=sum(counters.unknown for counters in decoders),
             lost=self._lost,
             not_in_fleet=self._not_in_fleet,
@@ -232,6 +233,7 @@ class Router:
             lost=account.lost,
             loss=account.loss(now),
             bad_frames=0 if decoder is None else decoder.counters.bad_frames,
+            skipped_bytes=0 if decoder is None else decoder.counters.skipped_bytes,
             refused=account.refused,
             signature_refused=dict(account.signature_refused),
             round_trip_s=vehicle.round_trip_s,
@@ -249,6 +251,7 @@ class Router:
         counters = self._decoders.pop(peer).counters
         self._forgotten.frames += counters.frames
         self._forgotten.bad_frames += counters.bad_frames
+        self._forgotten.skipped_bytes += counters.skipped_bytes
         self._forgotten.unknown += counters.unknown
         self._forget_sequences(peer)
         return True

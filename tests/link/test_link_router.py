@@ -174,6 +174,8 @@ def test_bad_bytes_are_counted() -> None:
     damaged[12] ^= 0xFF
     router.receive(bytes(damaged), HERE, 0.0)
     assert router.counters.bad_frames == 1
+    router.receive(b"another protocol", HERE, 0.1)
+    assert router.counters.skipped_bytes >= len(b"another protocol")
     assert not router.vehicles[1].state.link_up
 
 
