@@ -254,7 +254,9 @@ def _kept(situation: Situation, rules: PlanningRules, new: Decision) -> Decision
 
 def _cut_off(flying: Placement, situation: Situation, rules: PlanningRules) -> bool:
     """Whether an aircraft that cannot be sent bars a host's way to its hover point."""
-    goals_m = {pose.host: pose.position_m for pose in flying.hosts} if situation.standing else {}
+    if not situation.standing:
+        return False
+    goals_m = {pose.host: pose.position_m for pose in flying.hosts}
     keeping = flight_rules(rules, situation.sigmas, situation.standing)
     return any(
         safe_route(mover, goals_m[mover.id], (), keeping) is None for mover in situation.movers if mover.id in goals_m

@@ -233,7 +233,7 @@ def improve(
     Returns how many rounds helped.
     """
     threats, hosts = s.pairs.shape[0], s.degree.shape[0]
-    over_poses = decided_by_poses(q, s)
+    sight = sight_of(q) if decided_by_poses(q, s) else None
     cost, violation = totals(q, s)
     helped = 0
     for _ in range(rounds):
@@ -248,12 +248,12 @@ def improve(
             copy_state(s, best)
             cross(q, best, threat, below(chance, 2))
             marks[:] = 1
-        elif kind < OVER_POSES and over_poses:
+        elif kind < OVER_POSES and sight is not None:
             most = cost * (1 + PROMISING)
             copy_state(s, best)
             chosen, stiff = marked(marks), HARDENING * stiffness
             moves = moves_per_host * chosen.size
-            anneal_poses(q, sight_of(q), best, chosen, moves, hot, COLD_AGAIN, reach_m, stiffness, stiff, known, chance)
+            anneal_poses(q, sight, best, chosen, moves, hot, COLD_AGAIN, reach_m, stiffness, stiff, known, chance)
             marks[:] = 1  # others may see something else now
         else:
             copy_state(s, trial)

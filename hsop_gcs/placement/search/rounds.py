@@ -108,7 +108,8 @@ class Course:
             gained |= self.pool.offer(self.q, state)
             for part, threats in found:
                 self.parts.take(part, threats)
-            self.known.take(found)
+            if self._quick:  # else nothing is annealed over poses
+                self.known.take(found)
         together = self.parts.combined(self.n_hosts, self.pool.cost)
         if together is not None:
             gained |= self.pool.offer(self.q, together)
