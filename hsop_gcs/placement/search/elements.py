@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from hsop_gcs.geometry.compiled import kernel
+from hsop_gcs.geometry.compiled import kernel, lean_kernel
 from hsop_gcs.placement.search.areas import STRICTER_M, fence_room, keep_out_room
 from hsop_gcs.placement.search.model import (
     CENTRAL,
@@ -27,7 +27,7 @@ NEAR_A_LIMIT_RAD = 0.1
 """A central camera's aim so near to its gimbal's limits stays where it is during a local solve."""
 
 
-@kernel
+@lean_kernel
 def relative_size_slope(cosine: float, k: Floats, rig: int) -> tuple[float, float]:
     """Return θ_d / tan θ and its derivative with respect to the cosine."""
     theta = math.acos(min(1.0, cosine))
@@ -43,7 +43,7 @@ def relative_size_slope(cosine: float, k: Floats, rig: int) -> tuple[float, floa
     return theta * lens * cosine / sine, -slope / sine
 
 
-@kernel
+@lean_kernel
 def view_terms(
     q: Question,
     threat: int,
@@ -99,7 +99,7 @@ def view_terms(
     margin[4] = slope * sh
 
 
-@kernel
+@lean_kernel
 def pair_cost_slopes(q: Question, a: float, b: float, sine: float) -> tuple[float, float, float, float]:
     """Return ``pair_cost`` and its derivatives by both factors and the sine."""
     if not q.rms:
@@ -111,7 +111,7 @@ def pair_cost_slopes(q: Question, a: float, b: float, sine: float) -> tuple[floa
     return total / ss + aa * bb / total, by_a, by_b, -2 * total / (ss * sine)
 
 
-@kernel
+@lean_kernel
 def element(q: Question, e: Ints, poses: Floats, g: Floats, work: Floats) -> float:
     """Return one element's value (a cost, or a margin that must stay positive); g is its gradient by one or two poses.
 
@@ -206,7 +206,7 @@ def element(q: Question, e: Ints, poses: Floats, g: Floats, work: Floats) -> flo
     return float(q.fov_rad[e[7]] - math.atan2(sine, cosine))
 
 
-@kernel
+@lean_kernel
 def aim_margin(q: Question, e: Ints, poses: Floats, g: Floats) -> float:
     """Return the field of view less twice the angle of a point off the aim of a camera that keeps it."""
     i = e[1]
@@ -226,7 +226,7 @@ def aim_margin(q: Question, e: Ints, poses: Floats, g: Floats) -> float:
     return float(q.fov_rad[e[7]] - 2 * math.atan2(sine, cosine))
 
 
-@kernel
+@lean_kernel
 def keeps_aim(q: Question, s: State, host: int) -> bool:
     """Return whether the central camera of a host looks in a direction near its gimbal's limits."""
     if not q.limited:

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hsop_gcs.placement.search.model import CENTRAL, Floats
+from hsop_gcs.placement.search.model import Floats
+from hsop_gcs.placement.search.poses import fill_aims
 from hsop_gcs.placement.search.state import State
 
 ROOM = 400
@@ -23,20 +24,19 @@ class KnownPoses:
         self.rows = NO_POSES
         """(poses, 6): east and north, metres; those of the fisheye axis; the two threats, or one twice, that are aimed
         at."""
-        self._rows: dict[tuple[int, ...], tuple[float, ...]] = {}
+        self._rows: dict[tuple[float, ...], list[float]] = {}
 
     def take(self, found: Sequence[tuple[State, Sequence[int]]]) -> None:
         """Remember the hosts of placements, each given with the numbers of its threats."""
         for state, threats in found:
-            for host in range(len(state.degree)):
-                views = [divmod(view, 2) for view in state.incident[host, : state.degree[host]].tolist()]
-                seen = [threats[threat] for threat, _ in views]
-                central = [threats[threat] for threat, end in views if state.cameras[threat, end] == CENTRAL]
-                aims = (central or seen)[0], (central or seen)[-1]
-                place, axis = state.positions[host, :2], state.axes[host]
-                cell = *np.rint(place / ALIKE_M).astype(int), *np.rint(np.abs(axis) / ALIKE_AXES).astype(int), *aims
+            aims = np.empty((len(state.degree), 2), np.int64)
+            fill_aims(state, aims)
+            aims = np.asarray(threats)[aims]
+            places, axes = state.positions[:, :2], state.axes
+            cells = np.hstack((np.rint(places / ALIKE_M), np.rint(np.abs(axes) / ALIKE_AXES), aims)).tolist()
+            for cell, row in zip(map(tuple, cells), np.hstack((places, axes, aims)).tolist(), strict=True):
                 self._rows.pop(cell, None)
-                self._rows[cell] = (*place.tolist(), *axis.tolist(), *aims)
+                self._rows[cell] = row
         for cell in list(self._rows)[:-ROOM]:
             del self._rows[cell]
         self.rows = np.array(list(self._rows.values())).reshape(-1, 6)

@@ -44,10 +44,12 @@ COOLEST, HOTTEST = -1.5, 0.0
 PROMISING = 0.02
 """What is annealed to within this share of its former cost is polished."""
 SAME_PLACE_M = 0.7
+MOST_TOGETHER = 4
+"""How many threats ``gathered`` takes at most."""
 JOINT = 0.5
 """Share of the parts grown again that take another one beside them in."""
-GROWING_MOVES = 2_000
-"""For each of their threats."""
+GROWING_MOVES = 1_000
+"""For each threat of what is annealed by itself."""
 
 Found = tuple[State, Sequence[int]]
 """A placement and the numbers of the threats it has."""
@@ -197,6 +199,19 @@ def same_place(s: State, other: State) -> bool:
     """Return whether two states see every threat alike, with all hosts in nearly the same places."""
     alike = np.array_equal(s.pairs, other.pairs) and np.array_equal(s.cameras, other.cameras)
     return alike and bool(np.abs(s.positions - other.positions).max() < SAME_PLACE_M)
+
+
+def gathered(q: Question, reach_m: float, chance: Chance) -> Found:
+    """Anneal a few threats that are near one another, as if there were no others."""
+    places = q.points_m.mean(axis=1)
+    away = np.abs(places - places[below(chance, len(places))]).sum(axis=1)
+    count = min(2 + below(chance, MOST_TOGETHER - 1), len(places))
+    first, *near = np.argsort(away, kind="stable")[: count + 2].tolist()
+    threats = sorted([first, *(near.pop(below(chance, len(near))) for _ in range(count - 1))])
+    hosts = min(2 + below(chance, count), int(q.hosts_of_rig.sum()))
+    state, trial = new_state(count, hosts), new_state(count, hosts)
+    fresh(question_about(q, threats), state, trial, GROWING_MOVES * count, reach_m, NO_POSES, chance)
+    return state, threats
 
 
 def regrown(q: Question, s: State, reach_m: float, known: Floats, chance: Chance) -> Found:

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from hsop_gcs.geometry.compiled import kernel
+from hsop_gcs.geometry.compiled import kernel, lean_kernel
 from hsop_gcs.placement.search.elements import COST, element, keeps_aim, list_elements, poses_of
 from hsop_gcs.placement.search.model import PERIPHERAL, Floats, Ints, Question
 from hsop_gcs.placement.search.state import State, refresh, totals
@@ -45,7 +45,7 @@ def solve_positive(a: Floats, b: Floats, shift: float) -> bool:
     return True
 
 
-@kernel
+@lean_kernel
 def barrier_value(q: Question, rows: Ints, poses: Floats, mu: float, margins: Floats, g: Floats, work: Floats) -> float:
     """Return cost - μ Σ log(margin), infinite outside the rules; fills the margins."""
     value = 0.0

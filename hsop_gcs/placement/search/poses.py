@@ -85,6 +85,21 @@ def fill_sizes(q: Question, sizes: Floats) -> None:
 
 
 @lean_kernel
+def fill_aims(s: State, aims: Ints) -> None:
+    """Fill (hosts, 2): the two threats, or one twice, that each host's central camera looks at, or its fisheyes see."""
+    for host in range(s.degree.shape[0]):
+        aims[host, 0] = aims[host, 1] = s.incident[host, 0] // 2 if s.degree[host] > 0 else 0
+        aimed = False
+        for n in range(s.degree[host]):
+            view = s.incident[host, n]
+            if s.cameras[view // 2, view % 2] == CENTRAL:
+                aims[host, 1] = view // 2
+                if not aimed:
+                    aims[host, 0] = view // 2
+                aimed = True
+
+
+@lean_kernel
 def middle_of_aims(aims: Ints, host: int, views: Floats) -> tuple[float, float]:
     """Return the middle between those directions to what a host aims at that are farthest apart."""
     x = y = 0.0
@@ -265,17 +280,8 @@ def anneal_poses(
     seen = np.empty((threats, VIEW))
     energy, new_energy = np.empty(threats), np.empty(threats)
     pairs, new_pairs = np.empty((threats, 2), np.int64), np.empty((threats, 2), np.int64)
+    fill_aims(s, aims)
     for host in range(count):
-        aimed = 0
-        for n in range(s.degree[host]):
-            view = s.incident[host, n]
-            if s.cameras[view // 2, view % 2] == CENTRAL:
-                aims[host, min(aimed, 1)] = view // 2
-                aimed += 1
-        if aimed == 0:
-            aims[host, 0] = s.incident[host, 0] // 2 if s.degree[host] > 0 else 0
-        if aimed < 2:
-            aims[host, 1] = aims[host, 0]
         look(q, sight, s, aims, host, views[host])
     chunk = 50 + 10 * hosts.size
     chunks = max(2, moves // chunk)

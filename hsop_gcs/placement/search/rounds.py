@@ -13,8 +13,10 @@ from hsop_gcs.placement.search.chance import seeded
 from hsop_gcs.placement.search.known import NO_POSES, KnownPoses
 from hsop_gcs.placement.search.model import Floats, Question
 from hsop_gcs.placement.search.moves import mend
-from hsop_gcs.placement.search.neighbourhood import Found, fresh, improve, regrown, shake, starts_quickly
+from hsop_gcs.placement.search.neighbourhood import Found, fresh, gathered, improve, regrown, shake, starts_quickly
 from hsop_gcs.placement.search.parts import Parts
+from hsop_gcs.placement.search.poses import decided_by_poses
+from hsop_gcs.placement.search.recombine import recombined
 from hsop_gcs.placement.search.state import State, copied, copy_state, new_state, totals
 
 LANES = 2
@@ -22,7 +24,7 @@ POOL = 8
 STARTS = 2
 """Anneals from random poses in one task, of which the best is improved."""
 SHORTEST_START, MOVES_PER_THREAT = 3_000, 2_400
-MOVES_PER_PAIR = 240
+MOVES_PER_PAIR = 120
 """Of threats, where starts are quick; as many for each of more than ten threats as for each of ten."""
 EVERY_LANE = -1
 RESTART_EVERY = 6
@@ -31,6 +33,8 @@ TRIALS, TRIALS_AFTER_START, TRIALS_MEANWHILE = 5, 4, 12
 """Neighbourhoods that are annealed again in one task, in about two hundredths of a second; while another starts afresh,
 as many as take the same time."""
 TRIALS_AFTER_QUICK_START = 1
+GATHERINGS = 3
+"""In one task."""
 MOVES_PER_HOST = 500
 WARM_TRIALS, SHAKE_MOVES = 3, 8_000
 """The first round from an earlier placement is a short one: little may be left to do."""
@@ -143,6 +147,11 @@ class Course:
         improve(self.q, state, trial, spare, trials, MOVES_PER_HOST, REACH_M, self.known.rows, chance, found)
         if self.round > 0:
             found.append(regrown(self.q, state, REACH_M, self.known.rows, chance))
+            if decided_by_poses(self.q, state):
+                found += [gathered(self.q, REACH_M, chance) for _ in range(GATHERINGS)]
+                if len(self.q.hosts_of_rig) == 1 and len(self.known.rows):
+                    recombined(self.q, spare, self.known.rows, float(state.cost.mean()), chance)
+                    found.append((copied(spare), range(len(self.q.weight))))
             if self._quick:
                 known = self.known.rows if 2 * len(self.q.weight) < MANY_VIEWS * self.n_hosts else NO_POSES
                 found.append(self._fresh(spare, trial, known, chance, mending=self.pool.best is None))

@@ -23,6 +23,8 @@ from hsop_gcs.placement.search.state import State, new_state
 from hsop_gcs.placement.search.wanted import Wanted
 from hsop_gcs.placement.solution import Placement, Status
 
+ROUNDS_OF_EVERY_KIND = 2
+"""After so many, everything that a round can do has been done once."""
 ROUNDS_BEFORE_PROOF = 6
 WORTH_A_PROOF = 1.3
 """A placement within this factor of the first bound may be optimal: then a thorough bound is worth its time."""
@@ -157,7 +159,7 @@ def frontier(
 def warm_up() -> None:
     """Compile the kernels, or load them from the cache, on a small problem of each kind."""
     for problem in _small_problems():
-        search(problem, n_hosts=4, seed=0, deadline=0.0, now=lambda: 0.0, iterations=1)
+        search(problem, n_hosts=4, seed=0, deadline=0.0, now=lambda: 0.0, iterations=ROUNDS_OF_EVERY_KIND)
 
 
 def warm_up_beside() -> None:
