@@ -21,6 +21,9 @@ from typing import Any, BinaryIO, Self
 
 from hsop_gcs.errors import BadInput, Unavailable
 
+_BEGINNING = b'{"n":1,'
+"""Of every journal, as far as it was written."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
@@ -38,8 +41,8 @@ class Journal:
     def __init__(self, path: Path, on_entry: Callable[[Entry], None] = lambda _entry: None) -> None:
         """Open or create. on_entry: given each entry that is there already, in order.
 
-        Raises Unavailable if the file cannot be written or another process writes it, BadInput if it is damaged
-        elsewhere than at its end, and what ``on_entry`` raises.
+        Raises Unavailable if the file cannot be written or another process writes it, BadInput if it is no journal or
+        is damaged elsewhere than at its end, and what ``on_entry`` raises. A file that is refused is left alone.
         """
         self.path = path
         self.bytes_cut = 0
@@ -101,7 +104,8 @@ class Journal:
 def read(path: Path) -> Iterator[Entry]:
     """Yield the entries of a journal; a torn last line is left out.
 
-    Raises BadInput that names the line if any other line is damaged or out of sequence, and if there is no such file.
+    Raises BadInput that names the line if any other line is damaged or out of sequence, and if the file is no journal
+    or does not exist.
     """
     for entry, _ in _entries(path):
         yield entry
@@ -119,6 +123,8 @@ def _entries(path: Path) -> Iterator[tuple[Entry, int]]:
         for raw in file:
             entry = _parse(raw)
             last = end + len(raw) == size
+            if expected == 1 and raw[: len(_BEGINNING)] != _BEGINNING[: len(raw)]:
+                raise BadInput(str(path), "is no journal")
             if entry is None and last:
                 return
             if entry is None or entry.number != expected:

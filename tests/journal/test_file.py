@@ -82,6 +82,27 @@ def test_damage_in_the_middle_is_not_passed_over(tmp_path: Path) -> None:
         Journal(path)
 
 
+@pytest.mark.parametrize("text", ['{"kind":1}', '{"kind":1}\n', "a note\n", '{"n":1}\n', '{"n":2,"t":0}\n{"n":3'])
+def test_what_is_no_journal_is_refused_and_left_alone(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "j"
+    path.write_text(text)
+    with pytest.raises(BadInput, match="is no journal"):
+        list(read(path))
+    with pytest.raises(BadInput, match="is no journal"):
+        Journal(path)
+    assert path.read_text() == text
+
+
+@pytest.mark.parametrize("size", [0, 1, 5, 7, 30])
+def test_a_first_line_that_is_torn_is_cut_off(tmp_path: Path, size: int) -> None:
+    path = tmp_path / "j"
+    path.write_bytes(written(path, 1)[:size])
+    with Journal(path) as journal:
+        assert journal.bytes_cut == size
+        assert journal.append("report", None, time_s=0.0) == 1
+    assert [entry.number for entry in read(path)] == [1]
+
+
 def test_a_missing_line_is_noticed(tmp_path: Path) -> None:
     path = tmp_path / "j"
     lines = written(path, 3).splitlines(keepends=True)
