@@ -72,9 +72,10 @@ def _print(report: "Report", console: "Console") -> None:
     from hsop_gcs.bench.measure import best_of, rows
 
     names = [run.contender for run in report.comparisons[0].runs]
-    table = Table(title=f"Cost over the least found, {report.effort.time_limit_s:g} s each")
+    table = Table(title=f"Cost over the least found, {report.effort.time_limit_s:g} s each", padding=0)
     for heading in ("case", "hosts", *names, "letter uncut", "in s", "letter's cost after s"):
-        table.add_column(heading, justify="left" if heading == "case" else "right", overflow="fold")
+        name = heading == "case"
+        table.add_column(heading, justify="left" if name else "right", overflow="fold", no_wrap=name)
     for comparison, ratios in rows(report):
         shown = [f"{ratios[name]:.3f}" if ratios[name] < float("inf") else "-" for name in names]
         seconds, uncut = comparison.seconds_to_letters_cost, comparison.uncut
