@@ -118,13 +118,14 @@ def _entries(path: Path) -> Iterator[tuple[Entry, int]]:
     except OSError as error:
         raise BadInput(str(path), error.strerror or "cannot be read") from error
     with file:
+        if not _BEGINNING.startswith(file.read(len(_BEGINNING))):
+            raise BadInput(str(path), "is no journal")
+        file.seek(0)
         size = os.fstat(file.fileno()).st_size
         end, expected = 0, 1
         for raw in file:
             entry = _parse(raw)
             last = end + len(raw) == size
-            if expected == 1 and raw[: len(_BEGINNING)] != _BEGINNING[: len(raw)]:
-                raise BadInput(str(path), "is no journal")
             if entry is None and last:
                 return
             if entry is None or entry.number != expected:

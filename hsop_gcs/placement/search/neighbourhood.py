@@ -201,6 +201,15 @@ def same_place(s: State, other: State) -> bool:
     return alike and bool(np.abs(s.positions - other.positions).max() < SAME_PLACE_M)
 
 
+def grown(q: Question, threats: list[int], hosts: int, reach_m: float, known: Floats, chance: Chance) -> Found:
+    """Anneal some threats by themselves from random poses, with so many hosts if that is two or more and there are."""
+    count = min(max(2, hosts), 2 * len(threats), int(q.hosts_of_rig.sum()))
+    state, trial = new_state(len(threats), count), new_state(len(threats), count)
+    moves, poses = GROWING_MOVES * len(threats), poses_about(known, threats)
+    fresh(question_about(q, threats), state, trial, moves, reach_m, poses, chance)
+    return state, threats
+
+
 def gathered(q: Question, reach_m: float, chance: Chance) -> Found:
     """Anneal a few threats that are near one another, as if there were no others."""
     places = q.points_m.mean(axis=1)
@@ -208,10 +217,7 @@ def gathered(q: Question, reach_m: float, chance: Chance) -> Found:
     count = min(2 + below(chance, MOST_TOGETHER - 1), len(places))
     first, *near = np.argsort(away, kind="stable")[: count + 2].tolist()
     threats = sorted([first, *(near.pop(below(chance, len(near))) for _ in range(count - 1))])
-    hosts = min(2 + below(chance, count), int(q.hosts_of_rig.sum()))
-    state, trial = new_state(count, hosts), new_state(count, hosts)
-    fresh(question_about(q, threats), state, trial, GROWING_MOVES * count, reach_m, NO_POSES, chance)
-    return state, threats
+    return grown(q, threats, 2 + below(chance, count), reach_m, NO_POSES, chance)
 
 
 def regrown(q: Question, s: State, reach_m: float, known: Floats, chance: Chance) -> Found:
@@ -223,12 +229,7 @@ def regrown(q: Question, s: State, reach_m: float, known: Floats, chance: Chance
         away = np.abs(q.points_m.mean(axis=1) - q.points_m[threat].mean(axis=0)).sum(axis=1)
         beside, more = min(apart, key=lambda other: float(away[other[0]].min()))
         threats, hosts = sorted(threats + beside), hosts + more
-    most = min(2 * len(threats), int(q.hosts_of_rig.sum()))
-    count = min(max(2, len(hosts) + below(chance, 3) - 1), most)
-    state, trial = new_state(len(threats), count), new_state(len(threats), count)
-    moves = GROWING_MOVES * len(threats)
-    fresh(question_about(q, threats), state, trial, moves, reach_m, poses_about(known, threats), chance)
-    return state, threats
+    return grown(q, threats, len(hosts) + below(chance, 3) - 1, reach_m, known, chance)
 
 
 def improve(

@@ -19,7 +19,8 @@ from hsop_gcs.placement.search.polish import polish
 from hsop_gcs.placement.search.poses import VIEW, Sight, anneal_poses, assign, best_pair, look, pair_energy, sight_of
 from hsop_gcs.placement.search.state import State, new_state, refresh
 
-Table = npt.NDArray[np.float32]
+Singles = npt.NDArray[np.float32]
+"""A table of doubles is twice as large."""
 
 EXCHANGES_PER_HOST, MOST_EXCHANGES = 2_000, 20_000
 HOT, COLD, PENALTY = 0.3, 0.01, 30.0
@@ -61,7 +62,7 @@ def look_around(q: Question, sight: Sight, candidates: State, aims: Ints, views:
 
 
 @lean_kernel
-def tabulate(q: Question, views: Floats, penalty: float, dearest: float, table: Table) -> None:
+def tabulate(q: Question, views: Floats, penalty: float, dearest: float, table: Singles) -> None:
     """Fill (candidates, candidates, threats), its lower half: the energy of a threat seen by two candidates."""
     for one in range(views.shape[0]):
         for other in range(one + 1):
@@ -73,13 +74,13 @@ def tabulate(q: Question, views: Floats, penalty: float, dearest: float, table: 
 
 
 @lean_kernel
-def energy_of(table: Table, one: int, other: int, threat: int) -> float:
+def energy_of(table: Singles, one: int, other: int, threat: int) -> float:
     """Look it up for two candidates."""
     return float(table[max(one, other), min(one, other), threat])
 
 
 @lean_kernel
-def least_without(table: Table, chosen: Ints, threat: int, without: int) -> tuple[float, int, int]:
+def least_without(table: Singles, chosen: Ints, threat: int, without: int) -> tuple[float, int, int]:
     """Return the least energy of a threat with two of those chosen but one (-1: with any), and which two, by place."""
     least, one, other = math.inf, -1, -1
     for i in range(chosen.size):
@@ -92,7 +93,7 @@ def least_without(table: Table, chosen: Ints, threat: int, without: int) -> tupl
 
 
 @lean_kernel
-def fill_rests(table: Table, chosen: Ints, rests: Table) -> None:
+def fill_rests(table: Singles, chosen: Ints, rests: Singles) -> None:
     """Fill (hosts, threats): the least energy of every threat when one host is taken away."""
     for threat in range(table.shape[2]):
         least, one, other = least_without(table, chosen, threat, -1)
@@ -103,7 +104,7 @@ def fill_rests(table: Table, chosen: Ints, rests: Table) -> None:
 
 
 @lean_kernel
-def exchanged(table: Table, chosen: Ints, rests: Table, host: int, candidate: int, energies: Table) -> float:
+def exchanged(table: Singles, chosen: Ints, rests: Singles, host: int, candidate: int, energies: Singles) -> float:
     """Fill (threats,) with the energies after an exchange of one host for a candidate; return their sum."""
     for threat in range(energies.size):
         energies[threat] = rests[host, threat]
@@ -119,7 +120,7 @@ def exchanged(table: Table, chosen: Ints, rests: Table, host: int, candidate: in
 
 
 @kernel
-def choose(table: Table, chosen: Ints, exchanges: int, hot: float, cold: float, chance: Chance) -> None:
+def choose(table: Singles, chosen: Ints, exchanges: int, hot: float, cold: float, chance: Chance) -> None:
     """Anneal a choice of candidates by exchanging one at a time; the best is left. Temperatures are energies."""
     rests, energies = np.empty((chosen.size, table.shape[2]), np.float32), np.empty(table.shape[2], np.float32)
     best = chosen.copy()

@@ -33,6 +33,7 @@ TRIALS, TRIALS_AFTER_START, TRIALS_MEANWHILE = 5, 4, 12
 """Neighbourhoods that are annealed again in one task, in about two hundredths of a second; while another starts afresh,
 as many as take the same time."""
 TRIALS_AFTER_QUICK_START = 6
+"""Three threats then mostly come to their best in the first round."""
 GATHERINGS = 3
 """In one task."""
 MOVES_PER_HOST = 500

@@ -12,7 +12,15 @@ from hsop_gcs.placement.search.model import Floats, Ints, Question
 from hsop_gcs.placement.search.neighbourhood import MOST_TOGETHER, fresh, gathered
 from hsop_gcs.placement.search.poses import VIEW, pair_energy, sight_of
 from hsop_gcs.placement.search.question import frame_of, question_of
-from hsop_gcs.placement.search.recombine import Table, choose, exchanged, fill_rests, look_around, recombined, tabulate
+from hsop_gcs.placement.search.recombine import (
+    Singles,
+    choose,
+    exchanged,
+    fill_rests,
+    look_around,
+    recombined,
+    tabulate,
+)
 from hsop_gcs.placement.search.state import State, copied, new_state, refresh, totals
 from tests.placement.examples import random_threats
 
@@ -37,7 +45,7 @@ def poses_of(states: list[State]) -> Floats:
     return known.rows
 
 
-def tabulated(q: Question, poses: Floats) -> tuple[Floats, Table]:
+def tabulated(q: Question, poses: Floats) -> tuple[Floats, Singles]:
     candidates = new_state(THREATS, len(poses))
     candidates.positions[:, :2], candidates.axes[:] = poses[:, :2], poses[:, 2:4]
     views = np.empty((len(poses), THREATS, VIEW))
