@@ -37,9 +37,11 @@ STRICTER = 1e-4
 SIZES = 512
 """Steps of a table of relative sizes: an error far below ``STRICTER``."""
 A_LITTLE = 0.02
-"""A central camera is used up to this violation; beyond, the fisheyes."""
+"""A central camera is used up to this violation; beyond, whichever of the cameras has less."""
+LONG, NEAREST = 0.5, 0.4
+"""Share of the jumps to where the central camera may see two threats from afar: this share of its range or more."""
 AGAIN = 0.5
-"""Share of the jumps that go to a known pose."""
+"""Share of the other jumps that go to a known pose."""
 
 
 def shares_nothing(q: Question, s: State) -> bool:
@@ -117,8 +119,16 @@ def middle_of_aims(aims: Ints, host: int, views: Floats) -> tuple[float, float]:
 
 
 @lean_kernel
+def size_in(sight: Sight, rig: int, cosine: float) -> float:
+    """Look up the relative size in a fisheye."""
+    at = int(cosine * SIZES)
+    low, high = sight.sizes[rig, at], sight.sizes[rig, at + 1]
+    return float(low + (cosine * SIZES - at) * (high - low))
+
+
+@lean_kernel
 def look(q: Question, sight: Sight, s: State, aims: Ints, host: int, views: Floats) -> None:
-    """Fill (threats, VIEW) with what a host sees as it stands."""
+    """Fill (threats, VIEW) with what a host sees as it stands, by the camera that breaks the rules less."""
     x, y = s.positions[host, 0], s.positions[host, 1]
     ax, ay = s.axes[host, 0], s.axes[host, 1]
     for threat in range(q.weight.shape[0]):
@@ -130,37 +140,35 @@ def look(q: Question, sight: Sight, s: State, aims: Ints, host: int, views: Floa
     px, py = middle_of_aims(aims, host, views)
     rig = s.rigs[host]
     peripheral, central = 2 * rig + PERIPHERAL, 2 * rig + CENTRAL
+    inside, per_across = sight.inside[rig], sight.per_across[rig]
     for threat in range(q.weight.shape[0]):
         view = views[threat]
-        violation = beyond = 0.0
+        near = beyond = outside = 0.0
         for k in range(2):
-            violation += max(0.0, 1 + STRICTER - view[k] * sight.per_safety)
+            cosine = view[2 + 2 * k] * px + view[3 + 2 * k] * py
+            near += max(0.0, 1 + STRICTER - view[k] * sight.per_safety)
             beyond += max(0.0, view[k] * sight.nearness[central, threat] - 1 + STRICTER)
-        if beyond < A_LITTLE:
+            beyond += max(0.0, (inside - cosine) * per_across)
+        if beyond >= A_LITTLE:
             for k in range(2):
-                beyond += max(
-                    0.0, (sight.inside[rig] - view[2 + 2 * k] * px - view[3 + 2 * k] * py) * sight.per_across[rig]
+                away, size = (
+                    view[k] * sight.nearness[peripheral, threat],
+                    abs(view[2 + 2 * k] * ax + view[3 + 2 * k] * ay),
                 )
-        view[7] = CENTRAL if beyond < A_LITTLE else PERIPHERAL
-        if beyond < A_LITTLE:
-            violation += beyond
-        for k in range(2):
-            d = view[k]
-            if beyond < A_LITTLE:
-                view[k] = distance_factor(q, central, threat, d)
-            else:
-                view[k] = distance_factor(q, peripheral, threat, d)
-                size = abs(view[2 + 2 * k] * ax + view[3 + 2 * k] * ay)
-                away = d * sight.nearness[peripheral, threat]
                 if away < 1:
-                    at = int(size * SIZES)
-                    size = sight.sizes[rig, at] + (size * SIZES - at) * (
-                        sight.sizes[rig, at + 1] - sight.sizes[rig, at]
-                    )
-                violation += max(0.0, away - size + STRICTER)
+                    size = size_in(sight, rig, size)
+                outside += max(0.0, away - size + STRICTER)
+        narrow = beyond < max(A_LITTLE, outside)
+        view[6] = near + (beyond if narrow else outside)
+        view[7] = CENTRAL if narrow else PERIPHERAL
+        for k in range(2):
+            if narrow:
+                view[k] = distance_factor(q, central, threat, view[k])
+            else:
+                view[k] = distance_factor(q, peripheral, threat, view[k])
                 if not q.rms:
+                    size = size_in(sight, rig, abs(view[2 + 2 * k] * ax + view[3 + 2 * k] * ay))
                     view[k] /= max(size, SMALLEST_RELATIVE_SIZE)
-        view[6] = violation
 
 
 @lean_kernel
@@ -201,11 +209,19 @@ def best_pair(
 
 
 @lean_kernel
+def apart(q: Question, one: int, other: int) -> float:
+    """Return how far two threats are from each other, squared."""
+    x = q.points_m[one, 0, 0] - q.points_m[other, 0, 0]
+    y = q.points_m[one, 0, 1] - q.points_m[other, 0, 1]
+    return float(x * x + y * y)
+
+
+@lean_kernel
 def propose(
     q: Question, s: State, aims: Ints, pairs: Ints, host: int, reach_m: float, known: Floats, chance: Chance
 ) -> None:
-    """Change one host's pose: a step of random scale up to ``reach_m``, a turn, another aim, or a jump to a known pose
-    or a threat."""
+    """Change one host's pose: a step of random scale up to ``reach_m``, a turn, another aim, or a jump to a known pose,
+    to a threat, or to where two can be seen from afar."""
     threats = q.weight.shape[0]
     kind = uniform(chance)
     if kind < 0.66:
@@ -228,6 +244,19 @@ def propose(
         s.positions[host, 0], s.positions[host, 1] = known[n, 0], known[n, 1]
         s.axes[host, 0], s.axes[host, 1] = known[n, 2], known[n, 3]
         aims[host, 0], aims[host, 1] = int(known[n, 4]), int(known[n, 5])
+    elif kind >= 0.88 and uniform(chance) < LONG:
+        one, other, another = below(chance, threats), below(chance, threats), below(chance, threats)
+        if apart(q, one, another) < apart(q, one, other):
+            other = another
+        x = y = 0.0
+        for k in range(2):
+            x += 0.25 * (q.points_m[one, k, 0] + q.points_m[other, k, 0])
+            y += 0.25 * (q.points_m[one, k, 1] + q.points_m[other, k, 1])
+        distance = q.range_m[2 * s.rigs[host] + CENTRAL, one] * (NEAREST + (1 - NEAREST) * uniform(chance))
+        angle = 2 * math.pi * uniform(chance)
+        s.positions[host, 0], s.positions[host, 1] = x + distance * math.sin(angle), y + distance * math.cos(angle)
+        turn_towards(q, s, host, below(chance, threats), uniform(chance))
+        aims[host, 0], aims[host, 1] = one, other
     elif kind >= 0.88:
         threat, k = below(chance, threats), below(chance, 2)
         distance = q.safety_m * (1 + 0.6 * uniform(chance) ** 3)

@@ -28,13 +28,13 @@ MOVES_PER_PAIR = 120
 """Of threats, where starts are quick; as many for each of more than ten threats as for each of ten."""
 EVERY_LANE = -1
 RESTART_EVERY = 6
-"""One lane starts afresh in every so many rounds."""
+"""One lane starts afresh in every so many rounds, unless starts are quick: then every task ends with one."""
 TRIALS, TRIALS_AFTER_START, TRIALS_MEANWHILE = 5, 4, 12
 """Neighbourhoods that are annealed again in one task, in about two hundredths of a second; while another starts afresh,
 as many as take the same time."""
-TRIALS_AFTER_QUICK_START = 6
-"""Three threats then mostly come to their best in the first round."""
-GATHERINGS = 3
+QUICK_TRIALS, TRIALS_AFTER_QUICK_START = 3, 6
+"""The same where starts are quick. Three threats then mostly come to their best in the first round."""
+GATHERINGS = 5
 """In one task."""
 MOVES_PER_HOST = 500
 WARM_TRIALS, SHAKE_MOVES = 3, 8_000
@@ -142,7 +142,7 @@ class Course:
                 copy_state(states[0], trial)
                 shake(self.q, state, trial, SHAKE_MOVES, 0.2, REACH_M, chance)
         else:
-            trials = TRIALS if starting is None else TRIALS_MEANWHILE
+            trials = TRIALS_MEANWHILE if starting is not None else QUICK_TRIALS if self._quick else TRIALS
             choice = 0 if lane == 0 or self.round % 2 == 0 else (self.round // 2) % len(states)
             copy_state(states[choice], state)
         improve(self.q, state, trial, spare, trials, MOVES_PER_HOST, REACH_M, self.known.rows, chance, found)
@@ -151,8 +151,8 @@ class Course:
             if decided_by_poses(self.q, state):
                 found += [gathered(self.q, REACH_M, chance) for _ in range(GATHERINGS)]
                 if len(self.q.hosts_of_rig) == 1 and len(self.known.rows):
-                    recombined(self.q, spare, self.known.rows, float(state.cost.mean()), chance)
-                    found.append((copied(spare), range(len(self.q.weight))))
+                    every = range(len(self.q.weight))
+                    found += [(s, every) for s in recombined(self.q, state, self.known.rows, chance)]
             if self._quick:
                 known = self.known.rows if 2 * len(self.q.weight) < MANY_VIEWS * self.n_hosts else NO_POSES
                 found.append(self._fresh(spare, trial, known, chance, mending=self.pool.best is None))
@@ -170,7 +170,7 @@ class Course:
         if self._warm and self.round == 1:
             return LANES - 1
         turn, step = divmod(self.round, RESTART_EVERY)
-        return turn % LANES if step == RESTART_EVERY - 1 else None
+        return turn % LANES if step == RESTART_EVERY - 1 and not self._quick else None
 
     def _start(self, state: State, trial: State, spare: State, chance: Chance, found: list[Found]) -> None:
         """Leave the best of some short anneals from random poses in ``state``."""

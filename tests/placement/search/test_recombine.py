@@ -14,9 +14,10 @@ from hsop_gcs.placement.search.poses import VIEW, pair_energy, sight_of
 from hsop_gcs.placement.search.question import frame_of, question_of
 from hsop_gcs.placement.search.recombine import (
     Singles,
+    best_exchange,
     choose,
-    exchanged,
-    fill_rests,
+    chosen_of,
+    exchange,
     look_around,
     recombined,
     tabulate,
@@ -51,7 +52,7 @@ def tabulated(q: Question, poses: Floats) -> tuple[Floats, Singles]:
     views = np.empty((len(poses), THREATS, VIEW))
     look_around(q, sight_of(q), candidates, poses[:, 4:].astype(np.int64), views)
     table = np.full((len(poses), len(poses), THREATS), np.nan, np.float32)
-    tabulate(q, views, PENALTY, DEAREST, table)
+    tabulate(q, np.ascontiguousarray(views.transpose(1, 2, 0)), PENALTY, DEAREST, table)
     return views, table
 
 
@@ -68,22 +69,26 @@ def test_an_exchange_costs_by_the_table_what_it_costs_by_the_geometry() -> None:
     q = asked()
     views, table = tabulated(q, poses_of([found(q, seed) for seed in range(4)]))
     rng = np.random.default_rng(0)
+    chosen = chosen_of(table, rng.integers(len(views), size=HOSTS))
+    rows, totals_of = np.empty((HOSTS, THREATS), np.float32), np.empty(HOSTS, np.float32)
     for _ in range(200):
-        chosen = rng.integers(len(views), size=HOSTS)
-        host, candidate = int(rng.integers(HOSTS)), int(rng.integers(len(views)))
-        rests, energies = np.empty((HOSTS, THREATS), np.float32), np.empty(THREATS, np.float32)
-        fill_rests(table, chosen, rests)
-        total = exchanged(table, chosen, rests, host, candidate, energies)
-        chosen[host] = candidate
-        assert total == pytest.approx(energy(q, views, chosen), rel=1e-5)
+        candidate = int(rng.integers(len(views)))
+        least, host = best_exchange(table, chosen, candidate, rows, totals_of)
+        every = np.tile(chosen.candidates, (HOSTS, 1))
+        np.fill_diagonal(every, candidate)
+        costs = [energy(q, views, each) for each in every]
+        assert least == pytest.approx(min(costs), rel=1e-5)
+        assert costs[host] == pytest.approx(least, rel=1e-5)
+        other = int(rng.integers(HOSTS))
+        assert exchange(chosen, other, candidate, rows) == pytest.approx(costs[other], rel=1e-5)
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_best_of_all_choices_is_found(seed: int) -> None:
     q = asked()
     views, table = tabulated(q, poses_of([found(q, seed), found(q, seed + 10)]))
-    chosen = np.zeros(3, np.int64)
-    choose(table, chosen, 5_000, 1.0, 0.01, seeded(seed))
+    chosen, allowed = np.zeros(3, np.int64), np.arange(len(views))
+    choose(table, allowed, chosen, 5_000, 1.0, 0.01, seeded(seed))
     every = combinations_with_replacement(range(len(views)), 3)
     assert energy(q, views, chosen) == pytest.approx(min(energy(q, views, np.array(each)) for each in every), rel=1e-5)
 
@@ -93,13 +98,15 @@ def test_hosts_of_several_placements_make_one_that_is_no_worse(seed: int) -> Non
     q = asked()
     placements = [found(q, 10 * seed + n) for n in range(6)]
     least = min(cost for cost, violation in map(totals, [q] * 6, placements) if violation <= 0)
-    state = new_state(THREATS, HOSTS)
-    recombined(q, state, poses_of(placements), least / THREATS, seeded(seed))
-    again = copied(state)
-    refresh(q, again)
-    cost, violation = totals(q, again)
-    assert violation <= 0
-    assert cost <= least * (1 + 1e-4)
+    home = min((s for s in placements if totals(q, s)[1] <= 0), key=lambda s: totals(q, s)[0])
+    states = recombined(q, home, poses_of(placements), seeded(seed))
+    for state in states:
+        again = copied(state)
+        refresh(q, again)
+        assert totals(q, again) == pytest.approx(totals(q, state))
+    assert min(cost for cost, violation in map(totals, [q] * len(states), states) if violation <= 0) <= least * (
+        1 + 1e-4
+    )
 
 
 def test_a_few_threats_near_one_another_are_placed_as_if_there_were_no_others() -> None:
