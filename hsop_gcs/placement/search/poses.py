@@ -151,10 +151,8 @@ def look(q: Question, sight: Sight, s: State, aims: Ints, host: int, views: Floa
             beyond += max(0.0, (inside - cosine) * per_across)
         if beyond >= A_LITTLE:
             for k in range(2):
-                away, size = (
-                    view[k] * sight.nearness[peripheral, threat],
-                    abs(view[2 + 2 * k] * ax + view[3 + 2 * k] * ay),
-                )
+                away = view[k] * sight.nearness[peripheral, threat]
+                size = abs(view[2 + 2 * k] * ax + view[3 + 2 * k] * ay)
                 if away < 1:
                     size = size_in(sight, rig, size)
                 outside += max(0.0, away - size + STRICTER)
