@@ -23,8 +23,9 @@ from hsop_gcs.placement.search.state import State, new_state, refresh, totals
 Singles = npt.NDArray[np.float32]
 """A table of doubles is twice as large."""
 
-CHOICES = 4
-"""From one table; all but the first avoid the place of one host of the placement that is to be bettered."""
+MOST_CHOICES, SIZE_OF_ONE = 4, 600
+"""How many from one table: fewer where threats times hosts are many. All but the first avoid the place of one host of the
+placement that is to be bettered."""
 AVOIDED_M = 8.0
 EXCHANGES_PER_HOST, MOST_EXCHANGES = 400, 4_000
 HOT, COLD, PENALTY = 0.5, 0.2, 8.0
@@ -54,7 +55,8 @@ def recombined(q: Question, home: State, known: Floats, chance: Chance) -> list[
     tabulate(q, np.ascontiguousarray(views.transpose(1, 2, 0)), penalty, DEAREST * average, table)
     exchanges = min(EXCHANGES_PER_HOST * len(hosts), MOST_EXCHANGES)
     moves, stiff = REFINING_MOVES_PER_HOST * len(hosts), HARDENING * STIFFNESS
-    found = [new_state(threats, len(hosts)) for _ in range(CHOICES)]
+    choices = max(1, min(MOST_CHOICES, SIZE_OF_ONE // (threats * len(hosts))))
+    found = [new_state(threats, len(hosts)) for _ in range(choices)]
     for n, s in enumerate(found):
         away = np.hypot(*(known[:, :2] - home.positions[below(chance, len(hosts)), :2]).T) > AVOIDED_M
         allowed = np.flatnonzero(away) if n > 0 and away.any() else np.arange(len(known))
