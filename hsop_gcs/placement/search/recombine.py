@@ -24,8 +24,8 @@ Singles = npt.NDArray[np.float32]
 """A table of doubles is twice as large."""
 
 MOST_CHOICES, SIZE_OF_ONE = 4, 600
-"""How many from one table: fewer where threats times hosts are many. All but the first avoid the place of one host of the
-placement that is to be bettered."""
+"""How many from one table: fewer where threats times hosts are many. All but the first avoid the place of one host of
+the placement that is to be bettered."""
 AVOIDED_M = 8.0
 EXCHANGES_PER_HOST, MOST_EXCHANGES = 400, 4_000
 HOT, COLD, PENALTY = 0.5, 0.2, 8.0
