@@ -11,7 +11,7 @@ from hsop_gcs.placement.search.model import Floats
 from hsop_gcs.placement.search.poses import fill_aims
 from hsop_gcs.placement.search.state import State
 
-ROOM = 400
+ROOM = 250
 ALIKE_M, ALIKE_AXES = 3.0, 0.25
 """Poses in the same cell of such a grid, with the same aims, count as one."""
 NO_POSES: Floats = np.zeros((0, 6))

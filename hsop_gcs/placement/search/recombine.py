@@ -1,4 +1,5 @@
-"""Recombination: the hosts of many placements are candidates, and an anneal that needs no geometry chooses among them.
+"""Recombination: the hosts of many placements, and poses with long views, are candidates, and an anneal that needs no
+geometry chooses among them.
 
 What any two candidates make of every threat is tabulated once. What an exchange of any one of those chosen for another
 candidate would cost is then a few rows of the table, and it leads from one good pose to another.
@@ -14,6 +15,7 @@ from hsop_gcs.geometry.compiled import kernel, lean_kernel
 from hsop_gcs.placement.search.chance import State as Chance
 from hsop_gcs.placement.search.chance import below, uniform
 from hsop_gcs.placement.search.known import NO_POSES
+from hsop_gcs.placement.search.long_views import long_views
 from hsop_gcs.placement.search.model import SMALLEST_SINE, Floats, Ints, Question, pair_cost, threat_cost
 from hsop_gcs.placement.search.neighbourhood import COLD_AGAIN, HARDENING, POLISH_STEPS, STIFFNESS
 from hsop_gcs.placement.search.polish import polish
@@ -40,15 +42,17 @@ PROMISING_CHOICE = 1.03
 
 
 def recombined(q: Question, home: State, known: Floats, chance: Chance) -> list[State]:
-    """Return placements of hosts chosen among known poses, refined; those that may be better than ``home`` polished.
+    """Return placements of hosts chosen among known poses and some with long views, refined; those that may be better
+    than ``home`` polished.
 
     known: see ``KnownPoses``; at least one.
     """
     threats, hosts, cost = len(q.weight), np.arange(len(home.degree)), float(home.cost.sum())
-    average = cost / threats
+    average, sight = cost / threats, sight_of(q)
+    known = np.vstack((known, long_views(q, sight, chance)))
     candidates = new_state(threats, len(known))
     candidates.positions[:, :2], candidates.axes[:] = known[:, :2], known[:, 2:4]
-    sight, views = sight_of(q), np.empty((len(known), threats, VIEW))
+    views = np.empty((len(known), threats, VIEW))
     look_around(q, sight, candidates, known[:, 4:].astype(np.int64), views)
     views[:, :, 6] = np.maximum(0.0, views[:, :, 6] - SLACK)
     table, penalty = np.empty((len(known), len(known), threats), np.float32), PENALTY * average
