@@ -184,6 +184,8 @@ class HostLinkOut(BaseModel):
     """Acknowledgements that no command was waiting for."""
     withheld: dict[str, int]
     """What other programs wanted to send to it over our link (``mavsdk_port``) and may not."""
+    foreign_heartbeats: int
+    """Under its autopilot's ids and not the autopilot's: of a companion computer, a camera, a tracker. Left out."""
 
 
 class PendingOut(BaseModel):

@@ -70,6 +70,8 @@ class VehicleLink:
     command_noise: int
     withheld: dict[str, int]
     """What other programs wanted to send to it over our link and may not, by message or command."""
+    foreign_heartbeats: int
+    """Heartbeats under its autopilot's ids that are not the autopilot's: a companion computer's, a tracker's."""
 
     @property
     def address(self) -> str | None:

@@ -21,12 +21,12 @@ from hsop_gcs.errors import BadInput
 from hsop_gcs.link.account import Account, LinkCounters, Sequence, Stranger, VehicleLink
 from hsop_gcs.link.codec import Decoder, DecoderCounters, Encoder, Frame, is_signed, marked_signed
 from hsop_gcs.link.endpoint import Peer
-from hsop_gcs.link.enums import MavComponent
 from hsop_gcs.link.events import AddressRefused, AddressRegistered, Event
 from hsop_gcs.link.identity import GROUND_STATION, Identity
-from hsop_gcs.link.messages import Heartbeat, Message
+from hsop_gcs.link.messages import Message
 from hsop_gcs.link.passing import withheld
 from hsop_gcs.link.protocol.heartbeat import OwnHeartbeat
+from hsop_gcs.link.protocol.speaker import begins_link, is_foreign
 from hsop_gcs.link.signing import Signing, Verdict
 from hsop_gcs.link.vehicle import Vehicle, VehicleLimits
 
@@ -98,7 +98,8 @@ class Router:
         found = decoder.feed_stream(data) if stream else decoder.feed_datagram(data)
         frames = [frame for frame in found if self._believes(frame, peer, now)]
         for frame in frames:
-            lost = self._missing_before(frame, peer)
+            # Somebody else under the same ids has sequence numbers of his own.
+            lost = 0 if is_foreign(frame.message, frame.component) else self._missing_before(frame, peer)
             self._lost += lost
             if frame.system in self.vehicles:
                 self._deliver(frame, peer, lost, now)
@@ -240,6 +241,7 @@ class Router:
             commands_resent=vehicle.commands_resent,
             command_noise=vehicle.command_noise,
             withheld=dict(account.withheld),
+            foreign_heartbeats=vehicle.foreign_heartbeats,
         )
 
     def _forget_a_peer(self) -> bool:
@@ -292,7 +294,7 @@ class Router:
         """Whether a frame from an address that is not its vehicle's makes it so; if not, it is refused."""
         account = self._accounts[frame.system]
         at_home = self._transport_of.get(frame.system, peer.transport) == peer.transport
-        greets = isinstance(frame.message, Heartbeat) and frame.component == MavComponent.AUTOPILOT1
+        greets = begins_link(frame.message, frame.component)
         genuine = peer.transport in self._signing and is_signed(frame.raw)
         if account.peer is None and at_home:
             if greets:

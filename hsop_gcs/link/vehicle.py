@@ -29,6 +29,7 @@ from hsop_gcs.link.protocol.heartbeat import Presence
 from hsop_gcs.link.protocol.hover import Hover, HoverLimits, HoverOrder, Phase
 from hsop_gcs.link.protocol.ready import why_not_ready
 from hsop_gcs.link.protocol.round_trip import RoundTrip
+from hsop_gcs.link.protocol.speaker import is_foreign
 from hsop_gcs.link.protocol.subscriptions import Subscriptions
 from hsop_gcs.link.protocol.take_off import TakeOff, set_mode
 from hsop_gcs.link.protocol.telemetry import Telemetry, VehicleState
@@ -79,6 +80,8 @@ class Vehicle:
         self._operator: dict[int, str] = {}
         self._on_station = False
         self._events: list[Event] = []
+        self.foreign_heartbeats = 0
+        """Heartbeats under the autopilot's ids that are not the autopilot's."""
 
     @property
     def state(self) -> VehicleState:
@@ -182,7 +185,10 @@ class Vehicle:
         return min((at for at in (machine.wake_at for machine in machines) if at is not None), default=None)
 
     def receive(self, message: Message, now: float, *, component: int = MavComponent.AUTOPILOT1) -> None:
-        """Take a message that this vehicle's ``component`` sent."""
+        """Take a message that this vehicle's ``component`` sent; a heartbeat that is not the autopilot's is counted."""
+        if is_foreign(message, component):
+            self.foreign_heartbeats += 1
+            return
         if component == MavComponent.AUTOPILOT1:
             self._presence.receive(message, now)
         self._telemetry.receive(message, now, component=component)

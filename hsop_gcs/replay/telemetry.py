@@ -6,15 +6,15 @@ from pathlib import Path
 
 from hsop_gcs.errors import BadInput
 from hsop_gcs.link.codec import Frame
-from hsop_gcs.link.enums import MavCmd, MavResult, MavType
+from hsop_gcs.link.enums import MavCmd, MavResult
 from hsop_gcs.link.events import ModeChanged, StatusTextReceived
 from hsop_gcs.link.messages import (
     CommandAck,
     CommandInt,
     CommandLong,
-    Heartbeat,
     SetPositionTargetGlobalInt,
 )
+from hsop_gcs.link.protocol.speaker import is_autopilots, is_foreign
 from hsop_gcs.link.protocol.telemetry import Telemetry
 from hsop_gcs.link.tlog import read_tlog
 
@@ -50,7 +50,9 @@ def retell(path: Path) -> Iterator[Line]:
                 system, what = told
                 yield Line(time_s=elapsed_s, system=system, kind="told", what=what)
             elif frame.component == 1:
-                if frame.system not in vehicles and _is_vehicle(frame):
+                if is_foreign(frame.message, frame.component):
+                    continue
+                if frame.system not in vehicles and is_autopilots(frame.message):
                     vehicles[frame.system] = _Vehicle(frame.system)
                 if frame.system in vehicles:
                     yield from vehicles[frame.system].receive(frame, elapsed_s)
@@ -104,10 +106,6 @@ class _Vehicle:
 
 def _flight(armed: bool, in_air: bool) -> str:
     return "in the air" if in_air else "armed" if armed else "on the ground, disarmed"
-
-
-def _is_vehicle(frame: Frame) -> bool:
-    return isinstance(frame.message, Heartbeat) and frame.message.type not in (MavType.GCS, MavType.GIMBAL)
 
 
 def _place(lat_e7: int, lon_e7: int, altitude_m: float) -> str:

@@ -8,6 +8,7 @@ Ours is a safety signal: autopilots return home when it stops. So it is emitted 
 from hsop_gcs.link.enums import MavAutopilot, MavState, MavType
 from hsop_gcs.link.events import Event, LinkLost, LinkUp
 from hsop_gcs.link.messages import Heartbeat, Message
+from hsop_gcs.link.protocol.speaker import is_autopilots
 
 HEARTBEAT_PERIOD_S = 1.0
 
@@ -83,7 +84,7 @@ class Presence:
     def receive(self, message: Message, now: float) -> None:
         """Take a message of the vehicle's autopilot."""
         self.advance(now)
-        if not self.up and isinstance(message, Heartbeat):
+        if not self.up and is_autopilots(message):
             self.up = True
             self._events.append(LinkUp(system=self.system))
         if self.up:

@@ -4,7 +4,7 @@
       ▲                │                      │  ▲                            │ │
       │                │                      │  └──────────drifted───────────┘ │
       └─failed─────────┴──────────────────────┴─────────────────────────────────┘
-        refused, no reply, expired | fence text, another mode, disarmed, landed, not there in time
+        refused, no reply, expired | fence text, another mode, another autopilot, disarmed, landed, not there in time
 
 An acknowledgement is no arrival: PX4 accepts a point outside its fence and only writes a text about it. ArduPilot
 ignores the yaw of DO_REPOSITION, so its heading goes separately until the nose agrees.
@@ -122,6 +122,8 @@ class Hover:
         self._outgoing: list[Message] = []
         self._events: list[Event] = []
         self._frame: LocalFrame | None = None
+        self._adapter: Adapter | None = None
+        """That of the autopilot which was given the order."""
         self._ticket = 0
         self._accepted_at = 0.0
         self._late_at = 0.0
@@ -139,6 +141,7 @@ class Hover:
             self._events.append(OrderFailed(system=self._system, order_id=order.order_id, reason=problem))
             return
         self.order, self.phase = order, Phase.COMMANDING
+        self._adapter = self._telemetry.adapter
         self._frame = LocalFrame(order.point)
         self._fence_text = self._resting = self._off_since = self._follow_up_at = None
         self._mode_seen = False
@@ -192,9 +195,9 @@ class Hover:
         self._late_at = now + self._time_allowed_s()
         self._events.append(OrderAccepted(system=self._system, order_id=self.order.order_id))
         adapter = self._adapter
-        if adapter.heading_needs_follow_up:
+        if adapter is not None and adapter.heading_needs_follow_up:
             self._follow_up_at = now
-        if adapter.speed_needs_own_command and self.order.speed_mps is not None:
+        if adapter is not None and adapter.speed_needs_own_command and self.order.speed_mps is not None:
             self._send_speed(self.order.speed_mps, now)
         self.advance(now)
 
@@ -202,7 +205,10 @@ class Hover:
         """Take a message of the autopilot; ``Telemetry`` has had it already."""
         if self.order is None:
             return
-        if isinstance(message, StatusText) and "fence" in message.text.lower():
+        if self._telemetry.adapter is not self._adapter:
+            self._commands.withdraw(_KEY, now)
+            self._fail(f"its autopilot is of another kind than when it was ordered: {self._telemetry.state.autopilot}")
+        elif isinstance(message, StatusText) and "fence" in message.text.lower():
             self._fence_text = (now, message.text.strip())
             if self.phase is Phase.FLYING and now - self._accepted_at <= self.limits.fence_text_s:
                 self._fail(f"the autopilot says: {message.text.strip()}")
@@ -247,12 +253,6 @@ class Hover:
     @property
     def _system(self) -> int:
         return self._telemetry.state.system
-
-    @property
-    def _adapter(self) -> Adapter:
-        adapter = self._telemetry.adapter
-        assert adapter is not None, "an order is only taken for a known autopilot"
-        return adapter
 
     def _fail(self, reason: str) -> None:
         assert self.order is not None
@@ -309,7 +309,7 @@ class Hover:
             self._fail("the vehicle disarmed")
         elif state.in_air is False:
             self._fail("the vehicle landed")
-        elif state.custom_mode == self._adapter.hover_mode.custom_mode:
+        elif self._adapter is not None and state.custom_mode == self._adapter.hover_mode.custom_mode:
             self._mode_seen = True
         elif self._mode_seen or now - self._accepted_at > self.limits.mode_change_s:
             self._fail(f"the vehicle is in mode {state.mode}, which is not ours")
@@ -320,7 +320,8 @@ class Hover:
             self._resting = None
             return
         heading_off = error.heading_deg is not None and abs(error.heading_deg) > limits.heading_deg
-        if heading_off and self._adapter.heading_needs_follow_up and self._follow_up_at is None:
+        follows_up = self._adapter is not None and self._adapter.heading_needs_follow_up
+        if heading_off and follows_up and self._follow_up_at is None:
             self._follow_up_at = now
         if self.phase is Phase.ARRIVED:
             self._check_drift(error, now)

@@ -15,7 +15,7 @@ import math
 from dataclasses import replace
 from enum import Enum
 
-from hsop_gcs.link.adapters.adapter import Mode
+from hsop_gcs.link.adapters.adapter import Adapter, Mode
 from hsop_gcs.link.enums import MavCmd, MavComponent, MavModeFlag, MavResult
 from hsop_gcs.link.events import Event, OrderFailed, OrderSuperseded, TookOff
 from hsop_gcs.link.messages import CommandLong, Message
@@ -57,6 +57,8 @@ class TakeOff:
         self._tries = 0
         self._refusal = ""
         self._seen_armed = False
+        self._adapter: Adapter | None = None
+        """That of the autopilot which was given the order."""
 
     def start(self, altitude_above_home_m: float, *, order_id: str, now: float) -> None:
         """Take off to an altitude above home."""
@@ -68,7 +70,7 @@ class TakeOff:
         self.order_id = order_id
         self._altitude_m = altitude_above_home_m
         self._ticket, self._tries, self._refusal, self._seen_armed = None, 0, "", False
-        adapter = self._telemetry.adapter
+        adapter = self._adapter = self._telemetry.adapter
         sets_mode = adapter is not None and adapter.take_off_mode is not None
         self._step = _Step.SETTING_MODE if sets_mode else _Step.ARMING
         self._next_at, self._give_up_at = now, now + READY_WITHIN_S
@@ -92,7 +94,12 @@ class TakeOff:
     def receive(self, message: Message, now: float) -> None:
         """Take a message of the autopilot; ``Telemetry`` has had it already."""
         del message  # what counts is the state it made
-        if self._step is not _Step.IDLE:
+        if self._step is _Step.IDLE:
+            return
+        if self._telemetry.adapter is not self._adapter:
+            self._commands.withdraw(_KEY, now)
+            self._fail(f"its autopilot is of another kind than when it was ordered: {self._telemetry.state.autopilot}")
+        else:
             self._look(now)
             self.advance(now)
 
@@ -189,7 +196,7 @@ class TakeOff:
             self._give_up_at = now + self._altitude_m / _SLOWEST_CLIMB_MPS + _CLIMB_MARGIN_S
 
     def _in_take_off_mode(self) -> bool:
-        adapter = self._telemetry.adapter
+        adapter = self._adapter
         mode = adapter.take_off_mode if adapter is not None else None
         return mode is not None and self._telemetry.state.custom_mode == mode.custom_mode
 
@@ -208,7 +215,7 @@ class TakeOff:
         self.order_id, self._step = None, _Step.IDLE
 
     def _command(self, now: float) -> None:
-        adapter, home = self._telemetry.adapter, self._telemetry.state.home
+        adapter, home = self._adapter, self._telemetry.state.home
         if adapter is None or home is None:
             return
         target = CommandLong(target_system=self._system, target_component=MavComponent.AUTOPILOT1)
