@@ -54,8 +54,14 @@ def end(pool: ProcessPoolExecutor) -> None:
     processes = list((pool._processes or {}).values())
     pool.shutdown(wait=False, cancel_futures=True)
     for process in processes:
-        process.terminate()
+        process.kill()  # one that is stopped, or hangs in a kernel, heeds nothing else
         process.join()
+
+
+def ended(pool: ProcessPoolExecutor) -> bool:
+    """Return whether a process of a pool that was asked something has ended by itself."""
+    processes = pool._processes
+    return processes is None or any(not process.is_alive() for process in list(processes.values()))
 
 
 def end_with_parent() -> None:
