@@ -76,6 +76,13 @@ class MavComponent(IntEnum):
     ALL = 0
     AUTOPILOT1 = 1
     GIMBAL = 154
+    GIMBAL2 = 171
+    GIMBAL3 = 172
+    GIMBAL4 = 173
+    GIMBAL5 = 174
+    GIMBAL6 = 175
+    BATTERY = 180
+    BATTERY2 = 181
     MISSIONPLANNER = 190
 
 
@@ -162,6 +169,14 @@ class MavBatteryChargeState(IntEnum):
     LOW = 2
     CRITICAL = 3
     EMERGENCY = 4
+
+
+class MavBatteryFunction(IntEnum):
+    UNKNOWN = 0
+    ALL = 1
+    PROPULSION = 2
+    AVIONICS = 3
+    PAYLOAD = 4
 
 
 class MavSeverity(IntEnum):

@@ -195,11 +195,12 @@ class Vehicle:
         self._note_presence(now)
         self._commands.receive(message, now, component=component)
         self._gimbal.receive(message, now, component=component)
+        self._subscriptions.lead(self._gimbal.device, now)
         if component == MavComponent.AUTOPILOT1:
             self._hover.receive(message, now)
             self._take_off.receive(message, now)
             self._round_trip.receive(message, now)
-        self._subscriptions.receive(message, now)
+        self._subscriptions.receive(message, now, component=component)
         self._collect(now)
 
     def advance(self, now: float) -> None:

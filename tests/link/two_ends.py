@@ -110,6 +110,14 @@ class TwoEnds:
         for frame in Decoder().feed_datagram(raw):
             self.sim.receive(frame, self.now)
 
+    def reach(self, frame: Frame) -> None:
+        """Let the simulated vehicle have a frame of ours; what stands on the way may change that."""
+        self.sim.receive(frame, self.now)
+
+    def hear(self, message: Message, component: int) -> None:
+        """Let our machine have a message of the vehicle; what stands on the way may change that."""
+        self.vehicle.receive(message, self.now, component=component)
+
     def of(self, kind: type[Event]) -> list[Event]:
         return [event for _, event in self.events if isinstance(event, kind)]
 
@@ -139,10 +147,10 @@ class TwoEnds:
         for raw in self._to_sim.take_due(self.now):
             for frame in self._its_decoder.feed_datagram(raw):
                 self.heard.append((self.now, frame))
-                self.sim.receive(frame, self.now)
+                self.reach(frame)
         for raw in self._to_us.take_due(self.now):
             for frame in self._our_decoder.feed_datagram(raw):
-                self.vehicle.receive(frame.message, self.now, component=frame.component)
+                self.hear(frame.message, frame.component)
         self.sim.advance(self.now)
         self.vehicle.advance(self.now)
         for message in self.sim.take_outgoing():

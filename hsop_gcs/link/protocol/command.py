@@ -192,6 +192,9 @@ class CommandSender:
         ):
             return
         lane = self._lanes.get((component, message.command))
+        if lane is None or lane.current is None:
+            # What was asked of all, whoever answers first has answered.
+            lane = self._lanes.get((MavComponent.ALL, message.command))
         entry = lane.current if lane is not None else None
         if lane is None or entry is None or entry.phase is _Phase.BACKING_OFF:
             self.noise += 1

@@ -5,6 +5,9 @@
        │                        └──281 names somebody else, or PITCHYAW denied──┘
        └─ link lost
 
+The manager is asked for of the autopilot, then of every component that heartbeats as a gimbal (it may be its own
+manager), then of all at once; the first one found is led, and what others say of other gimbals changes nothing.
+
 The aim is kept in the earth frame. Where an autopilot counts the yaw from the nose it is sent again as the heading
 changes, at most five times a second. Only the reported attitude says that the gimbal is on target.
 """
@@ -13,8 +16,9 @@ import math
 from dataclasses import dataclass
 
 from hsop_gcs.geometry.frames import Aim, wrap_deg
-from hsop_gcs.link.adapters.adapter import GimbalLimits
-from hsop_gcs.link.enums import MavCmd, MavComponent, MavResult
+from hsop_gcs.link.adapters import ARDUPILOT
+from hsop_gcs.link.adapters.adapter import Adapter, GimbalLimits
+from hsop_gcs.link.enums import GimbalFlags, MavCmd, MavComponent, MavResult
 from hsop_gcs.link.events import AimClipped, Event, GimbalControlLost, GimbalFailed, GimbalOffTarget, GimbalOnTarget
 from hsop_gcs.link.identity import GROUND_STATION, Identity
 from hsop_gcs.link.messages import (
@@ -26,14 +30,20 @@ from hsop_gcs.link.messages import (
     Message,
 )
 from hsop_gcs.link.protocol.command import ONCE, REPEATABLE, CommandSender, Outcome, Request, Verdict
+from hsop_gcs.link.protocol.gimbal_device import GimbalDevice, is_gimbals
 from hsop_gcs.link.protocol.telemetry import Telemetry
 
 _OWNER_NOT_TOLD = (0, 0)
 _UNCHANGED = -1.0
 _ASK_FOR_S = 5.0
 _ROUNDING = 1e-6
+_ASK_NEXT_AFTER_S = 0.2
+"""One who has no gimbal manager said so: the next one is asked."""
 _LOOK_AGAIN_AFTER_S = 30.0
 """While nobody wants to aim, a vehicle that said it has no gimbal is left in peace."""
+_MOST_GIMBALS = 8
+_OWN_MANAGER_FLAGS = GimbalFlags.ROLL_LOCK | GimbalFlags.PITCH_LOCK | GimbalFlags.YAW_IN_VEHICLE_FRAME
+"""What a gimbal that is its own manager is told: the protocol's own words, without an autopilot's peculiarities."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,9 +67,15 @@ class GimbalTolerances:
 
 @dataclass(frozen=True, slots=True)
 class _Manager:
-    component: int
-    device_id: int
+    device: GimbalDevice
     limits: GimbalLimits | None
+    is_autopilot: bool
+
+    def flags(self, adapter: Adapter) -> GimbalFlags:
+        return adapter.gimbal_flags if self.is_autopilot else _OWN_MANAGER_FLAGS
+
+    def yaw_from_nose(self, adapter: Adapter) -> bool:
+        return adapter.gimbal_yaw_from_nose or not self.is_autopilot
 
 
 class Gimbal:
@@ -83,6 +99,10 @@ class Gimbal:
         self._order_id = ""
         self._order_heading_deg = 0.0
         self._manager: _Manager | None = None
+        self._gimbals: list[int] = []
+        """Components that heartbeat as gimbals."""
+        self._asked = 0
+        """How many of those who may be the manager were asked in this round."""
         self._ours = False
         self._configured_at = -math.inf
         self._ticket: int | None = None
@@ -98,6 +118,7 @@ class Gimbal:
     def link_up(self, now: float) -> None:
         """Look for the gimbal manager; one found before may have been replaced by a restart."""
         self._manager, self._ours, self._ticket, self._sent = None, False, None, None
+        self._asked = 0
         self._next_at = now
         self.advance(now)
 
@@ -147,17 +168,16 @@ class Gimbal:
         """Take a message of the vehicle; ``Telemetry`` has had it already."""
         match message:
             case GimbalManagerInformation():
-                adapter = self._telemetry.adapter
-                limits = adapter.gimbal_limits(message) if adapter is not None else None
-                self._manager = _Manager(component, message.gimbal_device_id, _usable(limits))
-                self._next_at = now
-                self._tell_if_clipped()
+                self._found(message, component, now)
             case GimbalManagerStatus():
                 self._status(message, component, now)
             case GimbalDeviceAttitudeStatus():
-                self._check_target(now)
-            case Attitude():
+                if self._telemetry.led_gimbal.is_reported(component, message.gimbal_device_id, now):
+                    self._check_target(now)
+            case Attitude() if component == self._autopilot:
                 pass
+            case _ if is_gimbals(message, component):
+                self._note_gimbal(component, now)
             case _:
                 return
         self.advance(now)
@@ -172,6 +192,9 @@ class Gimbal:
             self._ours, self._configured_at, self._next_at = True, now, now
         elif command == MavCmd.DO_GIMBAL_MANAGER_PITCHYAW and outcome.accepted:
             self._next_at = self._next_beat(now)
+        elif command == MavCmd.REQUEST_MESSAGE and not outcome.accepted and self._asked < len(self._candidates):
+            self._refusal = f"{MavCmd(command).name}: {outcome.problem}"
+            self._next_at = now + _ASK_NEXT_AFTER_S
         elif outcome.verdict is not Verdict.SUPERSEDED:
             patient = self.aim is None and not outcome.accepted
             self._next_at = now + (_LOOK_AGAIN_AFTER_S if patient else self.tolerances.again_after_s)
@@ -209,8 +232,42 @@ class Gimbal:
         return events
 
     @property
+    def device(self) -> GimbalDevice | None:
+        """The gimbal that is led; None before its manager is found."""
+        return self._manager.device if self._manager is not None else None
+
+    @property
     def _system(self) -> int:
         return self._telemetry.state.system
+
+    @property
+    def _autopilot(self) -> int:
+        return MavComponent.AUTOPILOT1
+
+    @property
+    def _candidates(self) -> tuple[int, ...]:
+        """Who may be the gimbal's manager, in the order of asking."""
+        return (self._autopilot, *self._gimbals, MavComponent.ALL)
+
+    def _found(self, message: GimbalManagerInformation, component: int, now: float) -> None:
+        device, adapter = GimbalDevice(component, message.gimbal_device_id), self._telemetry.adapter
+        if self._manager is not None and self._manager.device != device:
+            return
+        is_autopilot = component == self._autopilot
+        words = adapter if is_autopilot else ARDUPILOT
+        limits = words.gimbal_limits(message) if words is not None else None
+        self._manager = _Manager(device, _usable(limits), is_autopilot)
+        self._telemetry.lead(device)
+        self._next_at = now
+        self._tell_if_clipped()
+
+    def _note_gimbal(self, component: int, now: float) -> None:
+        if component in self._gimbals or component == self._autopilot or len(self._gimbals) >= _MOST_GIMBALS:
+            return
+        self._gimbals.append(component)
+        if self._manager is None:
+            self._asked = min(self._asked, len(self._gimbals))
+            self._next_at = now
 
     def _has_work(self) -> bool:
         """Whether anything is to be sent as soon as ``_next_at`` allows."""
@@ -223,36 +280,35 @@ class Gimbal:
 
     def _ask(self, now: float) -> None:
         self._next_at = now + self.tolerances.again_after_s
-        self._ticket = self._command(
-            MavCmd.REQUEST_MESSAGE,
-            MavComponent.AUTOPILOT1,
-            (float(GimbalManagerInformation.ID),),
-            "find",
-            now,
-        )
+        if self._asked >= len(self._candidates):
+            self._asked = 0
+        component = self._candidates[self._asked]
+        self._asked += 1
+        parameters = (float(GimbalManagerInformation.ID),)
+        self._ticket = self._command(MavCmd.REQUEST_MESSAGE, component, parameters, "find", now)
 
     def _take_control(self, manager: _Manager, now: float) -> None:
         # Our own ids, spelled out: "me" means the sender to ArduPilot and the autopilot itself to PX4.
         ids = (float(self._own.system), float(self._own.component), _UNCHANGED, _UNCHANGED)
-        parameters = (*ids, 0.0, 0.0, float(manager.device_id))
+        parameters = (*ids, 0.0, 0.0, float(manager.device.id))
         command = MavCmd.DO_GIMBAL_MANAGER_CONFIGURE
-        self._ticket = self._command(command, manager.component, parameters, "control", now)
+        self._ticket = self._command(command, manager.device.manager, parameters, "control", now)
 
     def _send_aim(self, manager: _Manager, now: float) -> None:
         adapter, heading_deg = self._telemetry.adapter, self._telemetry.state.heading_deg
         if self.aim is None or adapter is None or heading_deg is None:
             return
         given = self._clipped(self.aim, heading_deg)
-        yaw_deg = wrap_deg(given.pan_deg - heading_deg) if adapter.gimbal_yaw_from_nose else wrap_deg(given.pan_deg)
+        yaw_deg = wrap_deg(given.pan_deg - heading_deg) if manager.yaw_from_nose(adapter) else wrap_deg(given.pan_deg)
         wanted = (given.tilt_deg, yaw_deg)
         overdue = not self.on_target and now >= self._sent_at + self.tolerances.again_after_s
         if self._sent is not None and not overdue and _close(wanted, self._sent, self.tolerances.least_change_deg):
             self._next_at = self._next_beat(now)
             return
         self._sent, self._sent_at = wanted, now
-        parameters = (*wanted, math.nan, math.nan, float(adapter.gimbal_flags), 0.0, float(manager.device_id))
+        parameters = (*wanted, math.nan, math.nan, float(manager.flags(adapter)), 0.0, float(manager.device.id))
         command = MavCmd.DO_GIMBAL_MANAGER_PITCHYAW
-        self._ticket = self._command(command, manager.component, parameters, "aim", now)
+        self._ticket = self._command(command, manager.device.manager, parameters, "aim", now)
 
     def _next_beat(self, now: float) -> float:
         """When an aim may go out again: whole periods after the last, so that a camera is led along evenly."""
@@ -268,13 +324,14 @@ class Gimbal:
             **{f"param{number}": value for number, value in enumerate(parameters, start=1)},  # type: ignore[arg-type]
         )
         # A lost aim is not repeated as it was but overtaken by the next one, which knows the newer heading.
-        tries = ONCE if command == MavCmd.DO_GIMBAL_MANAGER_PITCHYAW else REPEATABLE
+        once = command == MavCmd.DO_GIMBAL_MANAGER_PITCHYAW or component == MavComponent.ALL
+        tries = ONCE if once else REPEATABLE
         request = Request(message=message, key=_key(purpose), tries=tries, deadline_s=now + _ASK_FOR_S)
         return self._commands.submit(request, now)
 
     def _status(self, message: GimbalManagerStatus, component: int, now: float) -> None:
         manager = self._manager
-        if manager is None or (component, message.gimbal_device_id) != (manager.component, manager.device_id):
+        if manager is None or GimbalDevice(component, message.gimbal_device_id) != manager.device:
             return
         owner = (message.primary_control_sysid, message.primary_control_compid)
         mine = owner == (self._own.system, self._own.component)

@@ -29,6 +29,7 @@ from hsop_gcs.link.messages import (
     SysStatus,
 )
 from hsop_gcs.link.protocol.command import REPEATABLE, CommandSender, Outcome, Request, Verdict
+from hsop_gcs.link.protocol.gimbal_device import GimbalDevice
 
 RATES_HZ: dict[type[Message], float] = {
     GlobalPositionInt: 10.0,
@@ -55,6 +56,8 @@ _ASK_FOR_S = 20.0
 @dataclass(slots=True)
 class _Wanted:
     rate_hz: float
+    component: int = MavComponent.AUTOPILOT1
+    """Who sends it."""
     heard_s: float | None = None
     refused: bool = False
 
@@ -80,24 +83,36 @@ class Subscriptions:
         for kind in RATES_HZ:
             self._ask(kind, now)
         for kind in _ONCE:
-            self._command(MavCmd.REQUEST_MESSAGE, kind, 0.0, now)
+            self._command(MavCmd.REQUEST_MESSAGE, kind, MavComponent.AUTOPILOT1, 0.0, now)
         self._watch_at = now + _WATCH_EVERY_S
 
     def link_lost(self) -> None:
         """Stop watching."""
         self._watch_at = None
 
-    def receive(self, message: Message, now: float) -> None:
-        """Note that a message came."""
+    def lead(self, gimbal: GimbalDevice | None, now: float) -> None:
+        """Ask those for the reports of the led gimbal who send them; None: the autopilot, while no other is known."""
+        autopilot = int(MavComponent.AUTOPILOT1)
+        of_device, of_manager = (autopilot, autopilot) if gimbal is None else (gimbal.component, gimbal.manager)
+        for kind, component in ((GimbalDeviceAttitudeStatus, of_device), (GimbalManagerStatus, of_manager)):
+            wanted = self._wanted.get(kind)
+            if wanted is not None and wanted.component != component:
+                self._wanted[kind] = _Wanted(rate_hz=wanted.rate_hz, component=component)
+                self._ask(kind, now)
+
+    def receive(self, message: Message, now: float, *, component: int = MavComponent.AUTOPILOT1) -> None:
+        """Note that a message came from whom it is wanted."""
         wanted = self._wanted.get(type(message))
-        if wanted is not None:
+        if wanted is not None and wanted.component == component:
             wanted.heard_s = now
 
     def settle(self, outcome: Outcome) -> None:
         """Take the end of a command; a refused rate is not asked for again until the link is new."""
         kind = self._tickets.pop(outcome.ticket, None)
-        if kind is not None and outcome.verdict is Verdict.REFUSED:
-            self._wanted[kind].refused = True
+        if kind is None or outcome.verdict is not Verdict.REFUSED:
+            return
+        wanted = self._wanted[kind]
+        wanted.refused = wanted.refused or outcome.request.message.target_component == wanted.component
 
     def advance(self, now: float) -> None:
         """Ask again for what is missing."""
@@ -120,13 +135,14 @@ class Subscriptions:
         return []
 
     def _ask(self, kind: type[Message], now: float) -> None:
-        ticket = self._command(MavCmd.SET_MESSAGE_INTERVAL, kind, 1e6 / self._wanted[kind].rate_hz, now)
+        wanted = self._wanted[kind]
+        ticket = self._command(MavCmd.SET_MESSAGE_INTERVAL, kind, wanted.component, 1e6 / wanted.rate_hz, now)
         self._tickets[ticket] = kind
 
-    def _command(self, command: MavCmd, kind: type[Message], param2: float, now: float) -> int:
+    def _command(self, command: MavCmd, kind: type[Message], component: int, param2: float, now: float) -> int:
         message = CommandLong(
             target_system=self._system,
-            target_component=MavComponent.AUTOPILOT1,
+            target_component=component,
             command=command,
             param1=float(kind.ID),
             param2=param2,

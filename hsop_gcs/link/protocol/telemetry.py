@@ -5,7 +5,6 @@ The machine has no states of its own: every message makes the next ``VehicleStat
 """
 
 import math
-from collections import deque
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -35,6 +34,9 @@ from hsop_gcs.link.messages import (
     StatusText,
     SysStatus,
 )
+from hsop_gcs.link.protocol.batteries import Batteries
+from hsop_gcs.link.protocol.clocks import SenderClock
+from hsop_gcs.link.protocol.gimbal_device import GimbalDevice, LedGimbal
 
 Autopilot = Literal["px4", "ardupilot", "other"]
 
@@ -43,10 +45,6 @@ _JOIN_WITHIN_S = 1.0
 _TEXTS_KEPT = 5
 _UNKNOWN_U16 = 65535
 _POSITION_GOOD = EstimatorFlags.POS_HORIZ_ABS | EstimatorFlags.POS_VERT_ABS
-_CLOCK_SET_S = 5.0
-"""No message is this late: the vehicle's clock was set, or it restarted."""
-_CLOCK_WINDOW_S = 2.0
-"""How long a message counts as the one with the shortest way: a simulator short of processor time runs slow."""
 _TURNS_ON_S = 0.3
 """How far a vehicle's heading is carried on at its rate, to when its gimbal spoke: at 60°/s it turns 3° in between."""
 
@@ -85,10 +83,11 @@ class VehicleState:
     """Clockwise."""
     attitude_heard_s: float | None = None
     gimbal: Aim | None = None
-    """Where the gimbal looks, in the earth frame."""
+    """Where the led gimbal looks, in the earth frame."""
     gimbal_heard_s: float | None = None
     home: GeodeticPoint | None = None
     battery_percent: float | None = None
+    """Of the battery with the least charge, as told lately."""
     gps_fix: int | None = None
     """GPS_FIX_TYPE: 3 and above is a position in three dimensions."""
     satellites: int | None = None
@@ -120,8 +119,9 @@ class Telemetry:
         self.adapter: Adapter | None = None
         self._events: list[Event] = []
         self._part: tuple[float, StatusText] | None = None
-        self._clock_offsets: deque[tuple[float, float]] = deque()
-        """When a message arrived, and by how much our clock was ahead: both rising, so that the first is least."""
+        self._batteries = Batteries()
+        self._clock, self._gimbal_clock = SenderClock(), SenderClock()
+        self.led_gimbal = LedGimbal()
 
     @property
     def wake_at(self) -> float | None:
@@ -129,9 +129,11 @@ class Telemetry:
         return self._part[0] + _JOIN_WITHIN_S if self._part is not None else None
 
     def receive(self, message: Message, now: float, *, component: int = MavComponent.AUTOPILOT1) -> None:
-        """Take a message of the vehicle; only gimbals report from components of their own."""
+        """Take a message of the vehicle; only gimbals and batteries report from components of their own."""
         if isinstance(message, GimbalDeviceAttitudeStatus):
-            self._gimbal(message, now)
+            self._gimbal(message, now, component)
+        elif isinstance(message, BatteryStatus | SysStatus):
+            self._battery(message, now, component)
         elif component == MavComponent.AUTOPILOT1:
             self._autopilot(message, now)
 
@@ -154,30 +156,17 @@ class Telemetry:
         if (up, heard_s) != (self.state.link_up, self.state.last_heard_s):
             self.state = self.state.evolve(link_up=up, last_heard_s=heard_s)
 
-    def _stamp(self, time_boot_ms: int, now: float) -> float:
-        """Return when the vehicle sent this, on our clock: by its own clock and the shortest way of late.
-
-        What waited on the link or in our own queue is older than its arrival says. A vehicle without a clock, or with
-        one that was set back, is taken at its arrival.
-        """
-        if time_boot_ms == 0:
-            return now
-        boot_s = time_boot_ms * 1e-3
-        offset_s = now - boot_s
-        offsets = self._clock_offsets
-        if offsets and offset_s > offsets[0][1] + _CLOCK_SET_S:
-            offsets.clear()
-        while offsets and offsets[-1][1] >= offset_s:
-            offsets.pop()
-        offsets.append((now, offset_s))
-        while offsets[0][0] < now - _CLOCK_WINDOW_S:
-            offsets.popleft()
-        return boot_s + offsets[0][1]
+    def lead(self, device: GimbalDevice | None) -> None:
+        """Take only this gimbal's reports for the vehicle's aim from now on; None: it is not known which is led."""
+        if device != self.led_gimbal.device:
+            self.led_gimbal.device = device
+            self._forget_gimbal()
 
     def _autopilot(self, message: Message, now: float) -> None:
         match message:
             case Heartbeat():
                 self._heartbeat(message)
+                self._note_charge(now)
             case GlobalPositionInt():
                 self._position(message, now)
             case Attitude() if math.isfinite(message.yaw + message.roll + message.pitch):
@@ -186,17 +175,13 @@ class Telemetry:
                     roll_deg=math.degrees(message.roll),
                     pitch_deg=math.degrees(message.pitch),
                     yaw_rate_dps=math.degrees(message.yawspeed) if math.isfinite(message.yawspeed) else 0.0,
-                    attitude_heard_s=self._stamp(message.time_boot_ms, now),
+                    attitude_heard_s=self._clock.sent_at(message.time_boot_ms, now),
                 )
             case ExtendedSysState() if message.landed_state != MavLandedState.UNDEFINED:
                 self.state = self.state.evolve(in_air=message.landed_state != MavLandedState.ON_GROUND)
             case HomePosition():
                 home = _place(message.latitude, message.longitude, message.altitude)
                 self.state = self.state.evolve(home=home or self.state.home)
-            case SysStatus():
-                self._sys_status(message)
-            case BatteryStatus() if message.id == 0 and 0 <= message.battery_remaining <= 100:
-                self.state = self.state.evolve(battery_percent=float(message.battery_remaining))
             case GpsRawInt():
                 satellites = None if message.satellites_visible == 255 else message.satellites_visible
                 self.state = self.state.evolve(gps_fix=message.fix_type, satellites=satellites)
@@ -235,21 +220,36 @@ class Telemetry:
             heading_deg = message.hdg / 100 % 360.0
         self.state = self.state.evolve(
             position=position,
-            position_heard_s=self._stamp(message.time_boot_ms, now),
+            position_heard_s=self._clock.sent_at(message.time_boot_ms, now),
             altitude_above_home_m=message.relative_alt / 1000,
             velocity_enu_mps=(message.vy / 100, message.vx / 100, -message.vz / 100),
             heading_deg=heading_deg,
         )
 
-    def _sys_status(self, message: SysStatus) -> None:
-        if 0 <= message.battery_remaining <= 100:
-            self.state = self.state.evolve(battery_percent=float(message.battery_remaining))
+    def _battery(self, message: SysStatus | BatteryStatus, now: float, component: int) -> None:
+        smart = isinstance(message, BatteryStatus) and component in (MavComponent.BATTERY, MavComponent.BATTERY2)
+        if smart or component == MavComponent.AUTOPILOT1:
+            self._batteries.receive(message, now, component=component)
+            self._note_charge(now)
 
-    def _gimbal(self, message: GimbalDeviceAttitudeStatus, now: float) -> None:
-        heard_s = self._stamp(message.time_boot_ms, now)
+    def _note_charge(self, now: float) -> None:
+        percent = self._batteries.lowest_percent(now)
+        if percent != self.state.battery_percent:
+            self.state = self.state.evolve(battery_percent=percent)
+
+    def _gimbal(self, message: GimbalDeviceAttitudeStatus, now: float, component: int) -> None:
+        if not self.led_gimbal.is_reported(component, message.gimbal_device_id, now):
+            if self.led_gimbal.device is None:
+                self._forget_gimbal()
+            return
+        heard_s = self._gimbal_clock.sent_at(message.time_boot_ms, now)
         aim = gimbal_aim(message, self.state.heading_at(heard_s))
         if aim is not None:
             self.state = self.state.evolve(gimbal=aim, gimbal_heard_s=heard_s)
+
+    def _forget_gimbal(self) -> None:
+        self._gimbal_clock = SenderClock()
+        self.state = self.state.evolve(gimbal=None, gimbal_heard_s=None)
 
     def _text(self, message: StatusText, now: float) -> None:
         if self._part is not None:
