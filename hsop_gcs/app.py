@@ -23,7 +23,7 @@ from hsop_gcs.link.pump import Link
 from hsop_gcs.link.signing import Signing, SigningClock
 from hsop_gcs.link.tlog import TlogWriter, create_tlog
 from hsop_gcs.mission.controller import Mission
-from hsop_gcs.mission.records import resumed
+from hsop_gcs.mission.recovery import resumed
 from hsop_gcs.mission.solver import Solver
 from hsop_gcs.settings import Settings
 from hsop_gcs.tracks import track_kernels

@@ -283,7 +283,8 @@ class RegisterIn(_Request):
 class EventOut(BaseModel):
     number: int
     time: datetime
-    host: str
+    host: str | None
+    """None: it happened to the mission."""
     kind: str
     """Such as LinkLost, OrderFailed, OnStation, StatusTextReceived."""
     details: dict[str, Any]
@@ -338,6 +339,14 @@ class JournalHealth(BaseModel):
     bytes_cut: int
     """Of a line that was being written when the service before this one ended; it had not taken effect."""
     fault: str | None
+    """Why entries wait in memory; they are written when the disk takes them."""
+    waiting: int
+    """Entries in memory that are not written yet."""
+    waiting_bytes: int
+    given_up: dict[str, int]
+    """Entries by kind that had no room in memory either."""
+    late: int
+    """Entries that took effect before they were handed to the operating system."""
 
 
 class LinkHealth(BaseModel):

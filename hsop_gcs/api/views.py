@@ -156,7 +156,7 @@ def health_out(mission: Mission, started_at_s: float) -> HealthOut:
             last_solve_s=None if newest is None else newest.decision.placement.solve_time_s,
             fault=mission.solver_fault,
         ),
-        journal=None if mission.journal is None else _journal(mission.journal, mission.journal_fault),
+        journal=None if mission.journal is None else _journal(mission.journal),
         gates=dict(mission.sky.closings),
         link=_link(mission.link),
     )
@@ -175,8 +175,8 @@ def _problems(mission: Mission, unavailable: Mapping[str, Closed]) -> list[str]:
         if link.signature_refused and not mission.vehicle(host).state.link_up:
             refused = ", ".join(f"{count} {what}" for what, count in link.signature_refused.items())
             problems.append(f"host {host.id}: frames refused by signature: {refused}")
-    if mission.journal_fault is not None:
-        problems.append(f"journal: {mission.journal_fault}")
+    if mission.journal is not None and (fault := mission.journal.status.fault) is not None:
+        problems.append(f"journal: {fault}")
     if mission.tlog is not None and mission.tlog.fault is not None:
         problems.append(f"telemetry log: {mission.tlog.fault}")
     if mission.solver_fault is not None:
@@ -189,8 +189,8 @@ def _problems(mission: Mission, unavailable: Mapping[str, Closed]) -> list[str]:
     return problems
 
 
-def _journal(journal: Journal, fault: str | None) -> JournalHealth:
-    return JournalHealth(file=str(journal.path), bytes_cut=journal.bytes_cut, fault=fault)
+def _journal(journal: Journal) -> JournalHealth:
+    return JournalHealth(file=str(journal.path), bytes_cut=journal.bytes_cut, **asdict(journal.status))
 
 
 def _reports(mission: Mission) -> ReportCounts:

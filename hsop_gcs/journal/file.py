@@ -1,44 +1,29 @@
-"""The journal's file: one JSON object a line, numbered, each with a checksum; a torn end is cut off and told.
+"""The journal's file: entries one a line, numbered; a torn end is cut off and told.
 
-    {"n": 1, "t": 1763800000.25, "kind": "report", "data": {...}, "crc": "1c291ca3"}
-
-A line is handed to the operating system before what it records takes effect, so that the end of the process (SIGKILL
-included) loses nothing; only a line that was being written can be torn, and that one had no effect yet. What a full
-disk leaves of a line is cut off before the next one. One process writes a journal at a time.
+What a full disk leaves of a line is cut off before the next one. One process writes a journal at a time.
 """
 
 import errno
 import fcntl
-import json
 import os
-import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Any, BinaryIO, Self
 
 from hsop_gcs.errors import BadInput, Unavailable
+from hsop_gcs.journal.entry import Entry, line_of, parse
 
 _BEGINNING = b'{"n":1,'
-"""Of every journal, as far as it was written."""
+"""The first bytes of every journal, as far as they were written."""
+
+Write = Callable[[int, bytes], int]
+"""Writes to a file descriptor; returns how many bytes it took. Raises OSError."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Entry:
-    """One line: its number, its time in seconds since the Unix epoch, what it is and what it says."""
+class JournalFile:
+    """Appends lines to a file. Opening an existing one repairs its end and goes on with its numbers."""
 
-    number: int
-    time_s: float
-    kind: str
-    data: Any
-
-
-class Journal:
-    """Appends entries to a file. Opening an existing one repairs its end and goes on with its numbers."""
-
-    def __init__(self, path: Path, on_entry: Callable[[Entry], None] = lambda _entry: None) -> None:
+    def __init__(self, path: Path, on_entry: Callable[[Entry], None], write: Write = os.write) -> None:
         """Open or create. on_entry: given each entry that is there already, in order.
 
         Raises Unavailable if the file cannot be written or another process writes it, BadInput if it is no journal or
@@ -46,13 +31,14 @@ class Journal:
         """
         self.path = path
         self.bytes_cut = 0
-        """Of a last line that was not written to its end."""
+        """How much was cut off: a last line that was not written to its end."""
         self._number = self._end = 0
         self._torn = False
+        self._write = write
         try:
-            self._file: BinaryIO = path.open("ab", buffering=0)
+            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o666)
             with ExitStack() as on_failure:
-                on_failure.callback(self._file.close)
+                on_failure.callback(os.close, self._file)
                 fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 self._continue(on_entry)
                 on_failure.pop_all()
@@ -67,38 +53,34 @@ class Journal:
             self._number, self._end = entry.number, end
         self.bytes_cut = self.path.stat().st_size - self._end
         if self.bytes_cut:
-            os.ftruncate(self._file.fileno(), self._end)
+            os.ftruncate(self._file, self._end)
 
-    def append(self, kind: str, data: Any, *, time_s: float) -> int:
-        """Write one entry and return its number. ``data``: what JSON can hold.
+    def append(self, bodies: Sequence[bytes]) -> int:
+        """Write entries; return how many were written whole: all, or those before the disk was full.
 
-        Raises OSError if it is not written whole; then it is not in the journal, and the next one takes its number.
+        Raises OSError if none was. What is not written whole is not in the journal, and the next one takes its number.
         """
-        number = self._number + 1
-        body = json.dumps(
-            {"n": number, "t": time_s, "kind": kind, "data": data}, ensure_ascii=False, separators=(",", ":")
-        )
-        line = f'{body[:-1]},"crc":"{zlib.crc32(body.encode()):08x}"}}\n'.encode()
+        lines = [line_of(self._number + 1 + index, body) for index, body in enumerate(bodies)]
+        data = b"".join(lines)
         if self._torn:
-            os.ftruncate(self._file.fileno(), self._end)
+            os.ftruncate(self._file, self._end)
         self._torn = True
-        if self._file.write(line) < len(line):
+        taken = self._write(self._file, data)
+        self._torn = taken < len(data)
+        whole = 0
+        for line in lines:
+            if len(line) > taken:
+                break
+            taken -= len(line)
+            whole += 1
+            self._number, self._end = self._number + 1, self._end + len(line)
+        if whole == 0 and lines:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        self._torn = False
-        self._number, self._end = number, self._end + len(line)
-        return number
+        return whole
 
     def close(self) -> None:
         """Close the file; what was appended is on its way to the disk."""
-        self._file.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
+        os.close(self._file)
 
 
 def read(path: Path) -> Iterator[Entry]:
@@ -124,7 +106,7 @@ def _entries(path: Path) -> Iterator[tuple[Entry, int]]:
         size = os.fstat(file.fileno()).st_size
         end, expected = 0, 1
         for raw in file:
-            entry = _parse(raw)
+            entry = parse(raw)
             last = end + len(raw) == size
             if entry is None and last:
                 return
@@ -132,18 +114,3 @@ def _entries(path: Path) -> Iterator[tuple[Entry, int]]:
                 raise BadInput(str(path), f"line {expected} is damaged")
             end, expected = end + len(raw), expected + 1
             yield entry, end
-
-
-def _parse(raw: bytes) -> Entry | None:
-    """The entry of one line; None if it is not whole."""
-    if not raw.endswith(b'"}\n'):
-        return None
-    try:
-        text = raw.decode()
-        fields = json.loads(text)
-        body = text[: text.rindex(',"crc":')] + "}"
-        if f"{zlib.crc32(body.encode()):08x}" != fields["crc"]:
-            return None
-        return Entry(number=fields["n"], time_s=fields["t"], kind=fields["kind"], data=fields["data"])
-    except (ValueError, KeyError, TypeError, RecursionError):
-        return None

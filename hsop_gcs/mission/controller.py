@@ -1,8 +1,8 @@
 """The mission's shell: gives inputs to the core as time, consoles, the link and the solver bring them, and acts.
 
 What is decided is decided by pure functions (``core``, ``pipeline``, ``state``, ``dispatch``, ``tracks``); here they
-meet the clock, the journal, the link and the solver's process. An input is written into the journal before it is
-applied, and an order after that.
+meet the clock, the journal, the link and the solver's process. An input is given to the journal before it is applied,
+and an order after that; a journal that cannot be written keeps it in memory, and stops nothing.
 """
 
 import asyncio
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from hsop_gcs.detections import Detection, let_go, rays_of
 from hsop_gcs.detections import Verdict as RayVerdict
-from hsop_gcs.errors import NotKnown, Refused, Unavailable
+from hsop_gcs.errors import NotKnown, Refused
 from hsop_gcs.fleet import Fleet, Host
 from hsop_gcs.journal import Journal
 from hsop_gcs.link.events import Event, OrderFailed
@@ -48,9 +48,10 @@ from hsop_gcs.mission.inputs import (
     TimePassed,
     WishLapsed,
 )
+from hsop_gcs.mission.notices import JournalFailed, JournalResumed, Notice
 from hsop_gcs.mission.planning import Situation
 from hsop_gcs.mission.poses import Poses
-from hsop_gcs.mission.records import to_record
+from hsop_gcs.mission.records import to_record, worth_of
 from hsop_gcs.mission.sky import Sky
 from hsop_gcs.mission.solver import Solver
 from hsop_gcs.mission.state import Autonomy, Plan, ready, replan_reason
@@ -74,8 +75,9 @@ class LoggedEvent:
 
     number: int
     time_s: float
-    host: str
-    event: Event | Input
+    host: str | None
+    """None: it happened to the mission."""
+    event: Event | Input | Notice
 
 
 class Mission:
@@ -106,9 +108,9 @@ class Mission:
         self.solver_fault: str | None = None
         """What went wrong in the solver's process, if its last run did not end in an answer."""
         self.journal = journal
+        self._journal_failed = False
         self.tlog = tlog
         """What records the link, to show whether it does."""
-        self.journal_fault: str | None = None
         self.sky = Sky(fleet, site, link)
         self._solver = solver
         self._solving: asyncio.Task[None] | None = None
@@ -242,10 +244,7 @@ class Mission:
             tasks.create_task(self._watch_link())
             tasks.create_task(self._poses.watch())
             while True:
-                try:
-                    self._advance(tasks)
-                except Unavailable:
-                    log.exception("the mission stands still until its journal can be written")
+                self._advance(tasks)
                 self.link.keep_alive()
                 self._changed.clear()
                 await asyncio.sleep(_REST_S)
@@ -256,6 +255,7 @@ class Mission:
 
     def _advance(self, tasks: asyncio.TaskGroup) -> None:
         now_s = self.clock()
+        self._watch_journal()
         self._age(now_s)
         self._fly_unasked()
         self._direct_traffic(now_s)
@@ -277,6 +277,18 @@ class Mission:
                 asked = SolverAsked(time_s=now_s, trigger=reason, situation=given)
                 self._take(asked)
                 self._solving = tasks.create_task(self._solve(asked.situation))
+
+    def _watch_journal(self) -> None:
+        """Tell once that the journal cannot be written, and once that it can again."""
+        if self.journal is None:
+            return
+        status = self.journal.status
+        if status.fault is not None and not self._journal_failed:
+            self._journal_failed = True
+            self._log(None, JournalFailed(reason=status.fault))
+        elif self._journal_failed and not status.waiting:
+            self._journal_failed = False
+            self._log(None, JournalResumed(given_up=status.given_up))
 
     def _age(self, now_s: float) -> None:
         after, gone = prune(self.state.picture, now_s, self.state.rules.tracks)
@@ -357,10 +369,7 @@ class Mission:
             if isinstance(event, OrderFailed) and progress is not None and progress.leg_id == event.order_id:
                 self._stop(host)
             self._log(host, event)
-            try:
-                self._take(HostSpoke(time_s=self.clock(), host=host.id, event=event))
-            except Unavailable:
-                log.exception("%s of host %s is not in the journal", type(event).__name__, host.id)
+            self._take(HostSpoke(time_s=self.clock(), host=host.id, event=event))
             self._changed.set()
 
     def _stop(self, host: Host) -> None:
@@ -368,9 +377,10 @@ class Mission:
         if self.sky.aircraft()[host.id].flies_for_us:
             self._commander.tell([host], Wish.HOLD)
 
-    def _log(self, host: Host, event: Event | Input) -> None:
+    def _log(self, host: Host | None, event: Event | Input | Notice) -> None:
         number = self.events[-1].number + 1 if self.events else 1
-        self.events.append(LoggedEvent(number=number, time_s=self.clock(), host=host.id, event=event))
+        name = None if host is None else host.id
+        self.events.append(LoggedEvent(number=number, time_s=self.clock(), host=name, event=event))
 
     # How the state moves on
 
@@ -379,16 +389,10 @@ class Mission:
         self.state = apply(self.state, given)
 
     def _record(self, given: Input) -> None:
-        """Write an input into the journal. Raises Unavailable if that is not possible: then it has not happened."""
-        if self.journal is None:
-            return
-        try:
+        """Give an input to the journal, which writes it before this returns if the disk takes it: see ``Journal``."""
+        if self.journal is not None:
             kind, data = to_record(given)
-            self.journal.append(kind, data, time_s=given.time_s)
-        except OSError as error:
-            self.journal_fault = f"cannot write the journal: {error.strerror}"
-            raise Unavailable(self.journal_fault) from error
-        self.journal_fault = None
+            self.journal.append(kind, data, time_s=given.time_s, worth=worth_of(given))
 
     def _hosts(self, host_ids: Iterable[str] | None) -> list[Host]:
         by_id = {host.id: host for host in self.fleet.hosts}

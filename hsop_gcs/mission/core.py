@@ -21,6 +21,7 @@ from hsop_gcs.link.events import CommandFinished, Event, OrderEvent, OrderFailed
 from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus, progressed
 from hsop_gcs.mission.inputs import (
     DecisionMade,
+    EntriesGivenUp,
     HostDeparted,
     HostRetried,
     HostSetAside,
@@ -168,6 +169,8 @@ def apply(mission: MissionState, given: Input) -> MissionState:
             return _not_pending(mission, (host,))
         case HostSpoke(host=host, event=event):
             return _with_event(mission, host, event, given.time_s)
+        case EntriesGivenUp():
+            return mission
     raise ValueError(f"no mission takes {type(given).__name__}")
 
 

@@ -180,3 +180,13 @@ class HostSpoke(Input):
 
     host: str
     event: Event
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EntriesGivenUp(Input):
+    """Inputs between two times had no room, neither on the disk nor in memory: the journal does not have them."""
+
+    kinds: Mapping[str, int]
+    """How many of each kind."""
+    from_s: float
+    to_s: float

@@ -1,19 +1,18 @@
 """Inputs as the journal holds them: a kind and plain JSON, there and back without losing a bit."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from pydantic import TypeAdapter
 
 from hsop_gcs.errors import BadInput
-from hsop_gcs.journal import Entry, Journal, read
+from hsop_gcs.journal import Worth, read
 from hsop_gcs.link import events
 from hsop_gcs.link.events import Event
-from hsop_gcs.mission.core import MissionState, apply
 from hsop_gcs.mission.inputs import (
     DecisionMade,
+    EntriesGivenUp,
     HostDeparted,
     HostRetried,
     HostSetAside,
@@ -54,7 +53,10 @@ _PLAIN = (
     HostsReleased,
     ThreatDismissed,
     WishLapsed,
+    EntriesGivenUp,
 )
+_RAW = (ReportsArrived, RaysArrived, TimePassed)
+_PROMISED = (MissionStarted, HostsHeld, HostsRecalled, HostsReleased, ThreatDismissed)
 _ADAPTERS: dict[str, TypeAdapter[Any]] = {cls.__name__: TypeAdapter(cls) for cls in _PLAIN}
 _EVENTS: dict[str, TypeAdapter[Any]] = {
     name: TypeAdapter(cls)
@@ -74,6 +76,13 @@ def to_record(given: Input) -> tuple[str, Any]:
     return kind, data
 
 
+def worth_of(given: Input) -> Worth:
+    """Return what an input is worth when not everything can be kept."""
+    if isinstance(given, _RAW):
+        return Worth.RAW
+    return Worth.PROMISED if isinstance(given, _PROMISED) else Worth.PLAIN
+
+
 def from_record(kind: str, data: Any, time_s: float) -> Input:
     """Return the input of a journal's entry. Raises BadInput for a kind that is none, or data that does not fit it."""
     try:
@@ -90,19 +99,3 @@ def read_inputs(path: Path) -> Iterator[tuple[int, Input]]:
     """Yield the inputs of a mission's journal with their numbers. Raises BadInput for a journal that is none."""
     for entry in read(path):
         yield entry.number, from_record(entry.kind, entry.data, entry.time_s)
-
-
-@contextmanager
-def resumed(path: Path) -> Iterator[tuple[Journal, MissionState]]:
-    """Open a mission's journal, or begin one; yields it with the mission as it left it.
-
-    Raises what ``Journal`` does, and BadInput for a journal of something else.
-    """
-    state = MissionState()
-
-    def take(entry: Entry) -> None:
-        nonlocal state
-        state = apply(state, from_record(entry.kind, entry.data, entry.time_s))
-
-    with Journal(path, take) as journal:
-        yield journal, state

@@ -11,11 +11,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from hsop_gcs.mission.core import MissionState, apply, situation
+from hsop_gcs.mission.core import MissionState, situation
 from hsop_gcs.mission.inputs import DecisionMade, Input, RaysArrived, ReportsArrived, SolverAsked
 from hsop_gcs.mission.pipeline import decide
 from hsop_gcs.mission.planning import Decision, PlanningRules, Situation
 from hsop_gcs.mission.records import read_inputs, to_record
+from hsop_gcs.mission.recovery import Fold
 from hsop_gcs.placement.solution import Status
 from hsop_gcs.workers import workers
 
@@ -41,6 +42,8 @@ class Outcome:
     reports: int
     detections: int
     decisions: int
+    given_up: int
+    """Entries that the journal does not have, for neither disk nor memory had room."""
     recorded_s: float
     replayed_in_s: float
     differences: tuple[Difference, ...]
@@ -63,12 +66,13 @@ def replay(
     began = now()
     differences: list[Difference] = []
     checks: list[tuple[int, DecisionMade, Future[Decision]]] = []
-    state, entries, reports, detections, first_s, last_s = MissionState(), 0, 0, 0, None, 0.0
+    fold, entries, reports, detections, first_s, last_s = Fold(), 0, 0, 0, None, 0.0
     with workers(jobs) as pool:
         for number, given in read_inputs(path):
             first_s = given.time_s if first_s is None else first_s
             last_s, entries = given.time_s, number
-            inside = from_s <= given.time_s - first_s <= to_s
+            state = fold.state
+            inside = fold.exact and from_s <= given.time_s - first_s <= to_s
             if isinstance(given, SolverAsked) and inside:
                 differences += _situation_differences(number, given, state)
             if isinstance(given, DecisionMade) and inside and state.asked is not None:
@@ -78,7 +82,7 @@ def replay(
                 reports += len(given.measurements)
             elif isinstance(given, RaysArrived):
                 detections += len(given.rays)
-            state = apply(state, given)
+            fold.take(given)
             progress(number)
         for number, recorded, decided in checks:
             differences += _decision_differences(number, recorded, decided.result())
@@ -87,6 +91,7 @@ def replay(
         reports=reports,
         detections=detections,
         decisions=len(checks),
+        given_up=fold.given_up,
         recorded_s=last_s - (first_s or 0.0),
         replayed_in_s=now() - began,
         differences=tuple(sorted(differences, key=lambda each: each.entry)),

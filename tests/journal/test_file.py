@@ -1,7 +1,11 @@
 """The journal's file: nothing written is lost, and a torn end is repaired and told."""
 
+import errno
 import json
+import os
 import resource
+import threading
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -9,7 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hsop_gcs.errors import BadInput, Unavailable
-from hsop_gcs.journal import Entry, Journal, read
+from hsop_gcs.journal import GIVEN_UP, Entry, Journal, Worth, read
+from hsop_gcs.journal.backlog import Backlog
+from tests.service import wait_until
 
 values = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
@@ -29,7 +35,7 @@ def written(path: Path, count: int) -> bytes:
 def test_what_is_written_is_read_to_the_bit(tmp_path_factory: pytest.TempPathFactory, value: object) -> None:
     path = tmp_path_factory.mktemp("journal") / "j"
     with Journal(path) as journal:
-        assert journal.append("anything", value, time_s=1e9 / 3) == 1
+        journal.append("anything", value, time_s=1e9 / 3)
     (entry,) = read(path)
     assert (entry.number, entry.time_s, entry.kind) == (1, 1e9 / 3, "anything")
     assert json.dumps(entry.data) == json.dumps(value)
@@ -39,7 +45,7 @@ def test_a_journal_goes_on_where_it_ended(tmp_path: Path) -> None:
     written(tmp_path / "j", 3)
     with Journal(tmp_path / "j") as journal:
         assert journal.bytes_cut == 0
-        assert journal.append("plan", None, time_s=0.0) == 4
+        journal.append("plan", None, time_s=0.0)
     assert [entry.number for entry in read(tmp_path / "j")] == [1, 2, 3, 4]
 
 
@@ -68,7 +74,7 @@ def test_a_line_torn_at_any_byte_is_cut_off_and_told(tmp_path: Path) -> None:
         assert [entry.number for entry in read(path)] == [1, 2]
         with Journal(path) as journal:
             assert journal.bytes_cut == size - third
-            assert journal.append("report", {"k": 2}, time_s=1.0) == 3
+            journal.append("report", {"k": 2}, time_s=1.0)
         assert [entry.number for entry in read(path)] == [1, 2, 3]
 
 
@@ -99,7 +105,7 @@ def test_a_first_line_that_is_torn_is_cut_off(tmp_path: Path, size: int) -> None
     path.write_bytes(written(path, 1)[:size])
     with Journal(path) as journal:
         assert journal.bytes_cut == size
-        assert journal.append("report", None, time_s=0.0) == 1
+        journal.append("report", None, time_s=0.0)
     assert [entry.number for entry in read(path)] == [1]
 
 
@@ -111,20 +117,110 @@ def test_a_missing_line_is_noticed(tmp_path: Path) -> None:
         list(read(path))
 
 
-def test_a_disk_that_was_full_costs_only_what_was_refused(tmp_path: Path) -> None:
+def test_what_is_appended_while_the_disk_is_full_is_written_when_there_is_space_again(tmp_path: Path) -> None:
     path, unlimited = tmp_path / "j", resource.getrlimit(resource.RLIMIT_FSIZE)
     whole = len(written(path, 2))
     with Journal(path) as journal:
         for room in (0, 10, 30):
             resource.setrlimit(resource.RLIMIT_FSIZE, (whole + room, unlimited[1]))
             try:
-                with pytest.raises(OSError, match=r"No space left|File too large"):
-                    journal.append("report", {"k": "refused"}, time_s=1.0)
+                journal.append("report", {"k": room}, time_s=1.0)
+                wait_until(lambda: journal.failing)
+                assert path.stat().st_size == whole + room
             finally:
                 resource.setrlimit(resource.RLIMIT_FSIZE, unlimited)
-            assert path.stat().st_size == whole + room
-        assert journal.append("report", {"k": "accepted"}, time_s=2.0) == 3
-    assert [entry.data["k"] for entry in read(path)] == [0, 1, "accepted"]
+            assert journal.flush(10.0)
+            assert journal.status.fault is None
+            whole = path.stat().st_size
+        journal.append("report", {"k": "after"}, time_s=2.0)
+    assert [entry.data["k"] for entry in read(path)] == [0, 1, 0, 10, 30, "after"]
+
+
+class Disk:
+    """Takes so many writes, then has a problem, or hangs, until it is mended."""
+
+    def __init__(self, problem: int | None = None) -> None:
+        self.problem = problem
+        self.hangs = False
+        self.mended = threading.Event()
+
+    def write(self, file: int, data: bytes) -> int:
+        if self.hangs:
+            self.mended.wait(20)
+        elif self.problem is not None and not self.mended.is_set():
+            raise OSError(self.problem, os.strerror(self.problem))
+        return os.write(file, data)
+
+
+@pytest.mark.parametrize("problem", [errno.ENOSPC, errno.EIO, errno.EROFS, errno.EDQUOT, errno.ESTALE])
+def test_no_problem_of_the_disk_reaches_who_appends(tmp_path: Path, problem: int) -> None:
+    path, disk = tmp_path / "j", Disk(problem)
+    with Journal(path, write=disk.write) as journal:
+        for k in range(3):
+            journal.append("report", k, time_s=float(k))
+        assert journal.status.waiting == 3
+        assert os.strerror(problem) in (journal.status.fault or "")
+        disk.mended.set()
+        assert journal.flush(10.0)
+    assert [entry.data for entry in read(path)] == [0, 1, 2]
+
+
+def test_a_write_that_hangs_is_waited_for_once(tmp_path: Path) -> None:
+    path, disk = tmp_path / "j", Disk()
+    with Journal(path, write=disk.write) as journal:
+        disk.hangs = True
+        for k in range(1000):
+            journal.append("report", k, time_s=float(k))
+        status = journal.status
+        assert status.waiting == status.late == 1000
+        wait_until(lambda: "the disk is slow" in (journal.status.fault or ""))
+        disk.mended.set()
+        assert journal.flush(10.0)
+        assert journal.status.fault is None
+    assert [entry.data for entry in read(path)] == list(range(1000))
+
+
+def test_entries_of_least_worth_are_given_up_first_and_the_gap_is_told_in_its_place(tmp_path: Path) -> None:
+    path, disk = tmp_path / "j", Disk(errno.ENOSPC)
+    with Journal(path, write=disk.write, backlog_bytes=5_000) as journal:
+        for k in range(100):
+            journal.append("report", {"k": k, "text": 50 * "x"}, time_s=100.0 + k, worth=Worth.RAW)
+            if k % 10 == 0:
+                journal.append("hold", k, time_s=100.0 + k, worth=Worth.PROMISED)
+        assert journal.status.waiting_bytes < 5_000
+        disk.mended.set()
+    entries = list(read(path))
+    assert [entry.number for entry in entries] == list(range(1, len(entries) + 1))
+    assert [entry.data for entry in entries if entry.kind == "hold"] == list(range(0, 100, 10))
+    kept = [entry.data["k"] for entry in entries if entry.kind == "report"]
+    assert kept == list(range(100 - len(kept), 100))
+    (gap,) = [entry for entry in entries if entry.kind == GIVEN_UP]
+    assert entries[0] == gap
+    assert gap.data == {"kinds": {"report": 100 - len(kept)}, "from_s": 100.0, "to_s": 199.0 - len(kept)}
+
+
+@given(st.lists(st.tuples(st.sampled_from(Worth), st.integers(1, 400), st.sampled_from(["add", "take", "fail"]))))
+def test_a_backlog_loses_nothing_in_silence_and_keeps_the_order(steps: list[tuple[Worth, int, str]]) -> None:
+    backlog, out = Backlog(1_000), []
+    for k, (worth, size, step) in enumerate(steps):
+        if step == "add":
+            backlog.add(time_s=float(k), kind=worth.name, body=bytes(size), worth=worth, now_s=float(k))
+        batch = [] if step == "add" else backlog.take(size)
+        done = batch if step == "take" else batch[: len(batch) // 2]
+        out += done
+        backlog.put_back(batch[len(done) :])
+        assert backlog.bytes <= 1_000
+    while batch := backlog.take(100):
+        out += batch
+    lost = Counter[str]()
+    for each in out:
+        if each.kind == GIVEN_UP:
+            lost.update(json.loads(b"{" + each.body)["data"]["kinds"])
+    assert lost == backlog.given_up
+    added = sum(step == "add" for _, _, step in steps)
+    sequences = [each.sequence for each in out if each.kind != GIVEN_UP]
+    assert sequences == sorted(set(sequences))
+    assert len(sequences) + lost.total() == backlog.sequence == added
 
 
 def test_two_processes_do_not_write_one_journal(tmp_path: Path) -> None:
@@ -134,7 +230,7 @@ def test_two_processes_do_not_write_one_journal(tmp_path: Path) -> None:
             Journal(path)
         journal.append("report", 1, time_s=0.0)
     with Journal(path) as journal:
-        assert journal.append("report", 2, time_s=0.0) == 2
+        journal.append("report", 2, time_s=0.0)
 
 
 def test_a_place_that_cannot_be_written_is_said_so(tmp_path: Path) -> None:

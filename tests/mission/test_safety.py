@@ -22,7 +22,7 @@ from hsop_gcs.mission.controller import Mission
 from hsop_gcs.mission.core import MissionState, Wish
 from hsop_gcs.mission.inputs import HostSetAside, HostStopped, Rules, WishLapsed
 from hsop_gcs.mission.planning import Decision, PlanningRules, Situation
-from hsop_gcs.mission.records import resumed
+from hsop_gcs.mission.recovery import resumed
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.placement.airspace import Airspace, KeepOut
 from hsop_gcs.placement.problem import Formulation, Objective, Point

@@ -10,7 +10,7 @@ import pytest
 from pymavlink import mavutil
 
 from hsop_gcs.journal import Journal, read
-from hsop_gcs.mission.records import resumed
+from hsop_gcs.mission.recovery import resumed
 from hsop_gcs.replay import replay
 from hsop_gcs.replay.telemetry import retell
 from hsop_gcs.settings import Settings

@@ -1,0 +1,24 @@
+"""What the service itself tells people beside what happens to hosts; nothing of the mission depends on it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Notice:
+    """Base of all notices."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JournalFailed(Notice):
+    """The journal cannot be written: what happens is kept in memory, and a restart would not know of it."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JournalResumed(Notice):
+    """The journal is written again, all that was kept in memory included."""
+
+    given_up: Mapping[str, int]
+    """Entries by kind that had no room in memory, since the service started."""

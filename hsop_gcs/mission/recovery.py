@@ -1,0 +1,55 @@
+"""From a journal back to the mission: its inputs folded again, also where some of them are missing."""
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from hsop_gcs.journal import Entry, Journal
+from hsop_gcs.mission.core import MissionState, apply
+from hsop_gcs.mission.inputs import EntriesGivenUp, Input
+from hsop_gcs.mission.records import from_record
+
+log = logging.getLogger(__name__)
+
+
+class Fold:
+    """The mission after each input of a journal."""
+
+    def __init__(self) -> None:
+        self.state = MissionState()
+        self.exact = True
+        """Whether the state is the recorded mission's own; after inputs that were given up it is near to it."""
+        self.given_up = 0
+        """Inputs that the journal does not have."""
+        self.skipped = 0
+        """Inputs that had no meaning without those that were given up, such as of a threat that is not known."""
+
+    def take(self, given: Input) -> None:
+        """Go on by one input. Raises what ``apply`` does, as long as no input is missing."""
+        if isinstance(given, EntriesGivenUp):
+            self.exact = False
+            self.given_up += sum(given.kinds.values())
+        try:
+            self.state = apply(self.state, given)
+        except (ValueError, LookupError, AssertionError):
+            if self.exact:
+                raise
+            self.skipped += 1
+
+
+@contextmanager
+def resumed(path: Path) -> Iterator[tuple[Journal, MissionState]]:
+    """Open a mission's journal, or begin one; yields it with the mission as it left it.
+
+    Raises what ``Journal`` does, and BadInput for a journal of something else.
+    """
+    fold = Fold()
+
+    def take(entry: Entry) -> None:
+        fold.take(from_record(entry.kind, entry.data, entry.time_s))
+
+    with Journal(path, take) as journal:
+        if not fold.exact:
+            log.warning("journal %s: %d entries were given up; the mission goes on without them", path, fold.given_up)
+        yield journal, fold.state
