@@ -13,6 +13,7 @@ from pathlib import Path
 import uvicorn
 
 from hsop_gcs.api import create_api
+from hsop_gcs.api.front import Front
 from hsop_gcs.api.placements import WhatIf
 from hsop_gcs.errors import Unavailable
 from hsop_gcs.geometry import triangulation
@@ -27,6 +28,7 @@ from hsop_gcs.mission.recovery import resumed
 from hsop_gcs.mission.solver import Solver
 from hsop_gcs.settings import Settings
 from hsop_gcs.tracks import track_kernels
+from hsop_gcs.workers import in_thread
 
 _WATCHDOG_S = 3.0
 """A mission that has not moved for so long is dead: our heartbeat stops, and the vehicles' own failsafes act."""
@@ -39,16 +41,14 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
     """Open journal, link and solver and keep the mission moving; everything is closed on the way out."""
     fleet = settings.to_fleet()
     async with AsyncExitStack() as stack:
+        solver = await stack.enter_async_context(Solver())
         journal, recovered = None, None
         if settings.service.journal is not None:
             path = Path(settings.service.journal)
-            journal, recovered = stack.enter_context(resumed(path))
+            # in a thread: reading a long journal would stop the loop for seconds
+            journal, recovered = await in_thread(lambda: stack.enter_context(resumed(path)))
             if journal.bytes_cut:
                 log.warning("journal %s: its last line was torn; %d bytes were cut off", path, journal.bytes_cut)
-        solver = await stack.enter_async_context(Solver())
-        # before the loop has anything to do: compiling would stop it for seconds
-        track_kernels.warm_up()
-        triangulation.warm_up()
         tlog = None
         if settings.service.tlog is not None:
             tlog = TlogWriter(stack.enter_context(create_tlog(Path(settings.service.tlog), time.time())))
@@ -66,6 +66,7 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
             recovered=recovered,
             journal=journal,
             tlog=tlog,
+            tracker_ready=False,
         )
         runner = asyncio.create_task(mission.run())
         try:
@@ -73,6 +74,13 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
         finally:
             runner.cancel()
             await asyncio.gather(runner, return_exceptions=True)
+
+
+async def load_tracker(mission: Mission) -> None:
+    """Load the tracker's kernels, or compile them the first time on a machine; from then on reports are taken."""
+    await in_thread(track_kernels.warm_up)
+    await in_thread(triangulation.warm_up)
+    mission.tracker_ready = True
 
 
 def link_of(settings: Settings, *, tlog: TlogWriter | None = None, watchdog_s: float | None = None) -> Link:
@@ -122,33 +130,45 @@ class _Server(uvicorn.Server):
 
 @asynccontextmanager
 async def running_service(settings: Settings) -> AsyncIterator[str]:
-    """Run mission and API; yields the API's base address. Raises Unavailable if its port cannot be had."""
+    """Run mission and API; yields the API's base address once reports are taken. Raises Unavailable if its port cannot
+    be had. The port answers from the beginning, and tells what is awaited.
+    """
+    front = Front()
     with _listen(settings.service.host, settings.service.port) as listening:
-        async with running_mission(settings) as mission, WhatIf() as what_if:
-            api = create_api(mission, what_if, max_body_bytes=settings.service.max_body_bytes)
-            config = uvicorn.Config(
-                api,
-                log_level="warning",
-                access_log=False,
-                proxy_headers=False,
-                lifespan="off",
-                timeout_graceful_shutdown=2,
-            )
-            server = _Server(config)
-            serving = asyncio.create_task(server.serve(sockets=[listening]))
-            try:
-                host, port = listening.getsockname()[:2]
-                yield f"http://{host}:{port}"
-            finally:
-                server.should_exit = True
-                await serving
+        host, port = listening.getsockname()[:2]
+        address = f"http://{host}:{port}"
+        async with _answering(front, listening), running_mission(settings) as mission, WhatIf() as what_if:
+            front.open(create_api(mission, what_if, max_body_bytes=settings.service.max_body_bytes))
+            await load_tracker(mission)
+            yield address
+
+
+@asynccontextmanager
+async def _answering(front: Front, listening: socket.socket) -> AsyncIterator[None]:
+    config = uvicorn.Config(
+        front,
+        log_level="warning",
+        access_log=False,
+        proxy_headers=False,
+        lifespan="off",
+        timeout_graceful_shutdown=2,
+    )
+    server = _Server(config)
+    serving = asyncio.create_task(server.serve(sockets=[listening]))
+    try:
+        yield
+    finally:
+        server.should_exit = True
+        await serving
 
 
 async def serve(settings: Settings, on_ready: Callable[[str], None]) -> None:
     """Serve until SIGINT or SIGTERM; ``on_ready`` is given the base address."""
     stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
-        asyncio.get_running_loop().add_signal_handler(number, stop.set)
+        loop.add_signal_handler(number, stop.set)
+    loop.add_signal_handler(signal.SIGHUP, log.warning, "SIGHUP: the settings are read at the start only; still flying")
     async with running_service(settings) as address:
         # what is there now stays to the end: no collection of garbage needs to go through it again
         gc.collect()

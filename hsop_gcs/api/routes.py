@@ -8,6 +8,7 @@ from starlette.middleware.body_limit import RequestBodyLimitMiddleware
 
 from hsop_gcs.api import detections, intake, placements, views
 from hsop_gcs.api.examples import ANSWERS
+from hsop_gcs.api.front import readiness
 from hsop_gcs.api.problems import MEDIA_TYPE, PlainErrorsAsProblems, install, problem
 from hsop_gcs.api.schemas import (
     ApprovalIn,
@@ -17,6 +18,7 @@ from hsop_gcs.api.schemas import (
     HostsIn,
     HostsOut,
     PlansOut,
+    ReadyOut,
     RegisterIn,
     ReportIn,
     ReportResults,
@@ -151,6 +153,11 @@ def _routes(mission: Mission) -> APIRouter:
     async def get_events(after: Annotated[int, Query(ge=0)] = 0) -> list[EventOut]:
         """What happened to hosts and orders, oldest first: the newest 500 with a number above ``after``."""
         return [views.event_out(event) for event in mission.events if event.number > after]
+
+    @router.get("/ready", operation_id="getReady", responses={503: {"model": ReadyOut}}, response_model=ReadyOut)
+    async def get_ready() -> Response:
+        """Whether reports are taken and plans are made: 200, or 503 with what is still awaited."""
+        return readiness(mission.awaited)
 
     @router.get("/health", operation_id="getHealth")
     async def get_health() -> HealthOut:

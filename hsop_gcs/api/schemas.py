@@ -251,6 +251,14 @@ class PlansOut(BaseModel):
     proposed: PlanOut | None
     flying: PlanOut | None
     failed: PlanOut | None
+    awaited: dict[str, str]
+    """What the next plan waits for, each with the reason; empty while plans are made."""
+
+
+class ReadyOut(BaseModel):
+    ready: bool
+    awaited: dict[str, str]
+    """What is awaited, each with the reason: mission, kernels, planner, links."""
 
 
 class ApprovalIn(_Request):
@@ -329,6 +337,8 @@ class DetectionCounts(BaseModel):
 class PlanningHealth(BaseModel):
     ready: bool
     """False while the planner's kernels are loaded or, the first time on a machine, compiled."""
+    restarts: int
+    """How often the planner's process ended by itself, or hung, and was started again."""
     plans_made: int
     last_solve_s: float | None
     fault: str | None

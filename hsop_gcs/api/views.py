@@ -131,6 +131,7 @@ def plans_out(mission: Mission) -> PlansOut:
         proposed=_plan(state.proposed, mission),
         flying=_plan(state.flying, mission),
         failed=_plan(state.failed, mission),
+        awaited=mission.awaited,
     )
 
 
@@ -152,6 +153,7 @@ def health_out(mission: Mission, started_at_s: float) -> HealthOut:
         detections=DetectionCounts.model_validate(mission.state.watch.counts, from_attributes=True),
         planning=PlanningHealth(
             ready=mission.planner_ready,
+            restarts=mission.planner_restarts,
             plans_made=mission.state.plans.made,
             last_solve_s=None if newest is None else newest.decision.placement.solve_time_s,
             fault=mission.solver_fault,
@@ -179,6 +181,7 @@ def _problems(mission: Mission, unavailable: Mapping[str, Closed]) -> list[str]:
         problems.append(f"journal: {fault}")
     if mission.tlog is not None and mission.tlog.fault is not None:
         problems.append(f"telemetry log: {mission.tlog.fault}")
+    problems += [f"awaited: {reason}" for reason in mission.awaited.values()]
     if mission.solver_fault is not None:
         problems.append(f"planning: {mission.solver_fault}")
     if mission.state.plans.failed is not None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from hsop_gcs.detections import Detection, let_go, rays_of
 from hsop_gcs.detections import Verdict as RayVerdict
-from hsop_gcs.errors import NotKnown, Refused
+from hsop_gcs.errors import NotKnown, Refused, Unavailable
 from hsop_gcs.fleet import Fleet, Host
 from hsop_gcs.journal import Journal
 from hsop_gcs.link.events import Event, OrderFailed
@@ -25,7 +25,7 @@ from hsop_gcs.mission.commander import Commander
 from hsop_gcs.mission.core import MissionState, Wish, apply, situation, take_rays, take_reports
 from hsop_gcs.mission.departures import check_take_off, departures
 from hsop_gcs.mission.dispatch import OrderStatus
-from hsop_gcs.mission.gates import Closed
+from hsop_gcs.mission.gates import UNHEARD, Closed
 from hsop_gcs.mission.inputs import (
     DecisionMade,
     HostDeparted,
@@ -65,6 +65,9 @@ _REST_S = 0.02
 _GIMBAL_LAG_S = 0.2
 """From working out an aim to a gimbal that looks there: half a tick, the link and the gimbal's own response."""
 _EVENTS_KEPT = 500
+_HOSTS_AWAITED_S = 5.0
+"""After a restart, how long the first question to the planner waits for hosts that had orders."""
+_TRACKER_LOADS = "the tracker's kernels are being loaded, the first time on a machine compiled"
 
 log = logging.getLogger(__name__)
 
@@ -95,7 +98,9 @@ class Mission:
         recovered: MissionState | None = None,
         journal: Journal | None = None,
         tlog: TlogWriter | None = None,
+        tracker_ready: bool = True,
     ) -> None:
+        """tracker_ready: see the attribute. recovered: how an earlier service left the mission, by the journal."""
         self.fleet = fleet
         self.site = site
         self.link = link
@@ -111,6 +116,8 @@ class Mission:
         self._journal_failed = False
         self.tlog = tlog
         """What records the link, to show whether it does."""
+        self.tracker_ready = tracker_ready
+        """Whether the tracker's kernels are loaded: before that reports are refused, they would stop the loop."""
         self.sky = Sky(fleet, site, link)
         self._solver = solver
         self._solving: asyncio.Task[None] | None = None
@@ -119,12 +126,47 @@ class Mission:
         """Why hosts that wait did not depart when that was last looked at."""
         self._poses = Poses(fleet, site.frame, link, clock)
         self._commander = Commander(fleet, site.frame, link)
-        self._take(MissionStarted(time_s=clock(), rules=rules or Rules()))
+        self._awaits_hosts_until_s = link.now() + _HOSTS_AWAITED_S
+        self._awaited_hosts = frozenset() if recovered is None else frozenset(recovered.progress)
+        names = tuple(host.id for host in fleet.hosts)
+        self._take(MissionStarted(time_s=clock(), rules=rules or Rules(), hosts=names))
+
+    # What is awaited
+
+    @property
+    def awaited(self) -> dict[str, str]:
+        """What the first question to the planner waits for, each with the reason for a person; empty: nothing."""
+        found = {}
+        if not self.tracker_ready:
+            found["kernels"] = f"{_TRACKER_LOADS}; reports are refused"
+        if not self._solver.ready:
+            found["planner"] = "the planner's process is starting, the first time on a machine it compiles its kernels"
+        unheard = self._unheard()
+        if unheard:
+            found["links"] = f"after the restart no telemetry yet of {', '.join(unheard)}"
+        return found
+
+    def _unheard(self) -> list[str]:
+        """The hosts that had orders before a restart and have not been heard well enough since to be sent.
+
+        They are awaited for a few seconds: a plan without them would be made again as soon as they are heard.
+        """
+        if not self._awaited_hosts or self.link.now() >= self._awaits_hosts_until_s:
+            return []
+        return [host for host, at in self.unavailable().items() if host in self._awaited_hosts and at.gate in UNHEARD]
+
+    def _check_tracker(self) -> None:
+        if not self.tracker_ready:
+            raise Unavailable(f"{_TRACKER_LOADS}; report again in a few seconds")
 
     # What consoles ask for
 
     def submit(self, measurements: Sequence[Measurement]) -> tuple[Verdict, ...]:
-        """Take measurements that arrived together into the picture; return what became of each, in their order."""
+        """Take measurements that arrived together into the picture; return what became of each, in their order.
+
+        Raises Unavailable while the tracker's kernels are loaded.
+        """
+        self._check_tracker()
         given = ReportsArrived(time_s=self.clock(), measurements=tuple(measurements), hosts_m=self.sky.hosts_m())
         self._record(given)
         self.state, verdicts = take_reports(self.state, given)
@@ -137,7 +179,11 @@ class Mission:
         return verdicts
 
     def detect(self, detections: Sequence[Detection]) -> tuple[RayVerdict, ...]:
-        """Take what hosts' cameras saw into the picture; return what became of each detection, in their order."""
+        """Take what hosts' cameras saw into the picture; return what became of each detection, in their order.
+
+        Raises Unavailable while the tracker's kernels are loaded.
+        """
+        self._check_tracker()
         rules = self.state.rules
         rays = rays_of(detections, self._poses.histories, self.fleet.rigs(), rules.detections)
         given = RaysArrived(time_s=self.clock(), rays=rays, hosts_m=self.sky.hosts_m())
@@ -217,6 +263,10 @@ class Mission:
     def planner_ready(self) -> bool:
         return self._solver.ready
 
+    @property
+    def planner_restarts(self) -> int:
+        return self._solver.restarts
+
     def vehicle(self, host: Host) -> Vehicle:
         """Return the host's end of the link: its telemetry and how its order stands."""
         return self.link.vehicles[host.system_id]
@@ -256,11 +306,12 @@ class Mission:
     def _advance(self, tasks: asyncio.TaskGroup) -> None:
         now_s = self.clock()
         self._watch_journal()
-        self._age(now_s)
+        if self.tracker_ready:
+            self._age(now_s)
         self._fly_unasked()
         self._direct_traffic(now_s)
         self._follow_threats(now_s)
-        if self._solving is None:
+        if self._solving is None and not self.awaited:
             tracks = ready(self.state.picture.tracks.values(), now_s, self.state.rules.replanning)
             unavailable = self.unavailable()
             self.sky.note(unavailable)

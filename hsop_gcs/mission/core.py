@@ -9,7 +9,7 @@ Pure. The shell (``controller``) writes an input into the journal, applies it an
 the same inputs again and come to the same mission, to the bit.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
@@ -57,6 +57,9 @@ from hsop_gcs.mission.state import (
 from hsop_gcs.placement.problem import Point
 from hsop_gcs.tracks import Picture, Refusal, RefusalKind, Track, Verdict, dismiss, prune, update
 from hsop_gcs.tracks.lifecycle import has_left
+
+_SENT_AGAIN = (OrderStatus.SENT, OrderStatus.ACCEPTED, OrderStatus.ARRIVED, OrderStatus.ON_STATION)
+"""Orders of hosts that the link of a service does not watch when it starts again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,8 +133,8 @@ class MissionState:
 def apply(mission: MissionState, given: Input) -> MissionState:
     """Return the mission after an input."""
     match given:
-        case MissionStarted(rules=rules):
-            return _started(mission, rules)
+        case MissionStarted():
+            return _started(mission, given)
         case ReportsArrived():
             return take_reports(mission, given)[0]
         case RaysArrived():
@@ -240,17 +243,30 @@ def situation(
     )
 
 
-def _started(mission: MissionState, rules: Rules) -> MissionState:
-    """A service that starts again watches over no order that was sent before: hosts hover, and a new plan is due."""
-    left = {
-        host: replace(progress, status=OrderStatus.SUPERSEDED, note="the service was started again")
-        for host, progress in mission.progress.items()
-    }
+def _started(mission: MissionState, given: MissionStarted) -> MissionState:
+    """Take up the flights that a service before this one left: whoever flew is stopped, and sent on by the same plan as
+    soon as nothing is in the way; whoever hovered is sent to where it hovers, so that the link watches it again.
+
+    Hosts that the fleet does not have any more are forgotten, and with one of them the plan that it flew in.
+    """
+    lost = {host for host in (*mission.progress, *mission.pending, *mission.aside) if host not in given.hosts}
+    under_way = [host for host, progress in mission.progress.items() if progress.flying]
+    mission = _not_pending(_without_orders(_wished(mission, under_way, Wish.HOLD, given.time_s), lost), lost)
+    flying = None if given.rules.autonomy is Autonomy.ADVISE else mission.plans.flying
+    plan_id, note = None if flying is None else flying.id, "the service was started again"
+
+    def taken_up(progress: OrderProgress) -> OrderProgress:
+        if progress.plan_id != plan_id:
+            return replace(progress, status=OrderStatus.SUPERSEDED, note=note)
+        again = progress.status in _SENT_AGAIN
+        return replace(progress, status=OrderStatus.WAITING, since_s=given.time_s, note=note) if again else progress
+
     return replace(
         mission,
-        rules=rules,
-        plans=Plans(made=mission.plans.made),
-        progress=MappingProxyType(left),
+        rules=given.rules,
+        aside=MappingProxyType({host: aside for host, aside in mission.aside.items() if host not in lost}),
+        plans=Plans(made=mission.plans.made, flying=flying),
+        progress=MappingProxyType({host: taken_up(each) for host, each in mission.progress.items()}),
         asked=None,
     )
 
@@ -337,7 +353,7 @@ def _with_move(
     return _with_progress(mission, given.host, progress)
 
 
-def _without_orders(mission: MissionState, hosts: tuple[str, ...]) -> MissionState:
+def _without_orders(mission: MissionState, hosts: Collection[str]) -> MissionState:
     """Held hosts carry out no plan any more, and a plan without them is none."""
     left = {host: progress for host, progress in mission.progress.items() if host not in hosts}
     flying = mission.plans.flying

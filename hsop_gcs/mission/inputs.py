@@ -40,9 +40,10 @@ class Input:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionStarted(Input):
-    """The service started, for the first time or again, with these rules."""
+    """The service started, for the first time or again, with these rules and hosts."""
 
     rules: Rules
+    hosts: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

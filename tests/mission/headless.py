@@ -98,6 +98,7 @@ class _Solver(Solver):
     """Decides at once, and gives the answer when it is due."""
 
     def __init__(self, solve: Decide, solve_s: float) -> None:
+        super().__init__()
         self._solve = solve
         self._solve_s = solve_s
 
