@@ -28,10 +28,11 @@ from hsop_gcs.mission.recovery import resumed
 from hsop_gcs.mission.solver import Solver
 from hsop_gcs.settings import Settings
 from hsop_gcs.tracks import track_kernels
-from hsop_gcs.workers import in_thread
+from hsop_gcs.workers import in_thread, stop_on_signals
 
 _WATCHDOG_S = 3.0
 """A mission that has not moved for so long is dead: our heartbeat stops, and the vehicles' own failsafes act."""
+_LONGEST_STOP_S = 20.0
 
 log = logging.getLogger(__name__)
 
@@ -166,8 +167,7 @@ async def serve(settings: Settings, on_ready: Callable[[str], None]) -> None:
     """Serve until SIGINT or SIGTERM; ``on_ready`` is given the base address."""
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, stop.set)
+    stop_on_signals(stop.set, patience_s=_LONGEST_STOP_S)
     loop.add_signal_handler(signal.SIGHUP, log.warning, "SIGHUP: the settings are read at the start only; still flying")
     async with running_service(settings) as address:
         # what is there now stays to the end: no collection of garbage needs to go through it again

@@ -89,6 +89,27 @@ async def in_thread(function: Callable[[], T]) -> T:
     return outcome.result()
 
 
+def stop_on_signals(stop: Callable[[], object], *, patience_s: float) -> None:
+    """Call ``stop`` in the running event loop at SIGINT or SIGTERM, and end the process if it is there after a while.
+
+    Not the loop's own signal handlers: these wait for whatever the loop is busy with.
+    """
+    loop = asyncio.get_running_loop()
+
+    def give_up() -> None:
+        os.write(2, f"hsop-gcs: still busy {patience_s:g} s after a signal to stop; ended\n".encode())
+        os._exit(1)
+
+    def on_signal(*_: object) -> None:
+        timer = threading.Timer(patience_s, give_up)
+        timer.daemon = True
+        timer.start()
+        loop.call_soon_threadsafe(stop)
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, on_signal)
+
+
 def end_with_parent() -> None:
     """Have this worker end as soon as the process that started it is gone, even by a signal that it could not see."""
     parent = parent_process()

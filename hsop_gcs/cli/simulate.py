@@ -202,14 +202,14 @@ async def _run(
 ) -> None:
     """Fly until a signal, or the end of standard input if asked for, or a fault."""
     import asyncio
-    import signal
     import threading
     from datetime import UTC, datetime
 
+    from hsop_gcs.workers import stop_on_signals
+
     loop = asyncio.get_running_loop()
     stop = asyncio.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, stop.set)
+    stop_on_signals(stop.set, patience_s=10.0)
     lines: asyncio.Queue[str] = asyncio.Queue()
     lookout: Lookout | None = None
 
