@@ -184,6 +184,10 @@ class HostLinkOut(BaseModel):
     """Acknowledgements that no command was waiting for."""
     withheld: dict[str, int]
     """What other programs wanted to send to it over our link (``mavsdk_port``) and may not."""
+    not_taken: dict[str, int]
+    """Messages under its system id that are not listened to, by the kind of component that sent them."""
+    other_autopilots: list[int]
+    """Components that speak as a second autopilot under its system id, and are not listened to."""
     foreign_heartbeats: int
     """Under its autopilot's ids and not the autopilot's: of a companion computer, a camera, a tracker. Left out."""
 
@@ -206,6 +210,10 @@ class HostOut(BaseModel):
     heard_s_ago: float | None
     link: HostLinkOut
     autopilot: str | None
+    vehicle_type: str | None
+    """What kind of vehicle the autopilot says it is; only multicopters are flown."""
+    component: int
+    """The autopilot's component id."""
     firmware: str | None
     armed: bool | None
     in_air: bool | None

@@ -87,6 +87,8 @@ def _host(host: Host, mission: Mission, aircraft: Aircraft, closed: Closed | Non
         heard_s_ago=None if state.last_heard_s is None else mission.link.now() - state.last_heard_s,
         link=HostLinkOut.model_validate(mission.link.vehicle_link(host.system_id), from_attributes=True),
         autopilot=state.autopilot,
+        vehicle_type=state.vehicle_type,
+        component=state.component,
         firmware=state.firmware,
         armed=state.armed,
         in_air=state.in_air,
@@ -174,6 +176,12 @@ def _problems(mission: Mission, unavailable: Mapping[str, Closed]) -> list[str]:
         link = mission.link.vehicle_link(host.system_id)
         if link.claimants:
             problems.append(f"host {host.id}: refused at {', '.join(link.claimants)}, where it is not registered")
+        if link.not_taken and not mission.vehicle(host).state.link_up:
+            heard = ", ".join(f"{count} of its {what}" for what, count in link.not_taken.items())
+            problems.append(f"host {host.id}: no autopilot's heartbeat is heard, but other frames are: {heard}")
+        if link.other_autopilots:
+            others = ", ".join(str(component) for component in link.other_autopilots)
+            problems.append(f"host {host.id}: a second autopilot speaks under its system id, as component {others}")
         if link.signature_refused and not mission.vehicle(host).state.link_up:
             refused = ", ".join(f"{count} {what}" for what, count in link.signature_refused.items())
             problems.append(f"host {host.id}: frames refused by signature: {refused}")

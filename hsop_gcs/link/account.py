@@ -70,6 +70,10 @@ class VehicleLink:
     command_noise: int
     withheld: dict[str, int]
     """What other programs wanted to send to it over our link and may not, by message or command."""
+    not_taken: dict[str, int]
+    """Messages under its id that are not listened to, by the kind of component that sent them."""
+    other_autopilots: tuple[int, ...]
+    """Components that speak as a second autopilot under its id, and are not listened to."""
     foreign_heartbeats: int
     """Heartbeats under its autopilot's ids that are not the autopilot's: a companion computer's, a tracker's."""
 

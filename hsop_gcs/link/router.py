@@ -26,7 +26,7 @@ from hsop_gcs.link.identity import GROUND_STATION, Identity
 from hsop_gcs.link.messages import Message
 from hsop_gcs.link.passing import withheld
 from hsop_gcs.link.protocol.heartbeat import OwnHeartbeat
-from hsop_gcs.link.protocol.speaker import begins_link, is_foreign
+from hsop_gcs.link.protocol.speaker import begins_link
 from hsop_gcs.link.signing import Signing, Verdict
 from hsop_gcs.link.vehicle import Vehicle, VehicleLimits
 
@@ -99,7 +99,9 @@ class Router:
         frames = [frame for frame in found if self._believes(frame, peer, now)]
         for frame in frames:
             # Somebody else under the same ids has sequence numbers of his own.
-            lost = 0 if is_foreign(frame.message, frame.component) else self._missing_before(frame, peer)
+            speaker = self.vehicles.get(frame.system)
+            foreign = speaker is not None and speaker.is_foreign(frame.message, frame.component)
+            lost = 0 if foreign else self._missing_before(frame, peer)
             self._lost += lost
             if frame.system in self.vehicles:
                 self._deliver(frame, peer, lost, now)
@@ -242,6 +244,8 @@ class Router:
             command_noise=vehicle.command_noise,
             withheld=dict(account.withheld),
             foreign_heartbeats=vehicle.foreign_heartbeats,
+            not_taken=dict(vehicle.not_taken),
+            other_autopilots=vehicle.other_autopilots(now),
         )
 
     def _forget_a_peer(self) -> bool:
@@ -299,6 +303,8 @@ class Router:
         if account.peer is None and at_home:
             if greets:
                 account.register(peer)
+            else:
+                self.vehicles[frame.system].note_not_taken(frame.component)
         elif at_home and greets and genuine and not self.vehicles[frame.system].state.link_up:
             before = account.peer.address if account.peer is not None else None
             account.register(peer)

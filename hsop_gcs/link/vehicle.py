@@ -8,6 +8,7 @@ presence ─► telemetry ─► subscriptions
 """
 
 import math
+from collections import Counter
 from dataclasses import dataclass, field
 
 from hsop_gcs.errors import BadInput
@@ -27,9 +28,9 @@ from hsop_gcs.link.protocol.command import INSISTENT, CommandLimits, CommandSend
 from hsop_gcs.link.protocol.gimbal import Gimbal, GimbalTolerances
 from hsop_gcs.link.protocol.heartbeat import Presence
 from hsop_gcs.link.protocol.hover import Hover, HoverLimits, HoverOrder, Phase
-from hsop_gcs.link.protocol.ready import why_not_ready
+from hsop_gcs.link.protocol.ready import why_not_ready, why_not_stopped
 from hsop_gcs.link.protocol.round_trip import RoundTrip
-from hsop_gcs.link.protocol.speaker import is_foreign
+from hsop_gcs.link.protocol.speaker import Speaker, is_foreign, is_taken, what_speaks
 from hsop_gcs.link.protocol.subscriptions import Subscriptions
 from hsop_gcs.link.protocol.take_off import TakeOff, set_mode
 from hsop_gcs.link.protocol.telemetry import Telemetry, VehicleState
@@ -82,6 +83,9 @@ class Vehicle:
         self._events: list[Event] = []
         self.foreign_heartbeats = 0
         """Heartbeats under the autopilot's ids that are not the autopilot's."""
+        self._speaker = Speaker()
+        self.not_taken: Counter[str] = Counter()
+        """Messages of components that are not listened to, by the kind of component."""
 
     @property
     def state(self) -> VehicleState:
@@ -108,6 +112,10 @@ class Vehicle:
             gimbal_error_deg=self._gimbal.error_deg,
             on_station=self._on_station,
         )
+
+    def other_autopilots(self, now: float) -> tuple[int, ...]:
+        """Components that speak as a second autopilot under the vehicle's id, and are not listened to."""
+        return self._speaker.others_lately(now)
 
     @property
     def command_noise(self) -> int:
@@ -154,13 +162,13 @@ class Vehicle:
     def hold(self, now: float) -> None:
         """Stop where it is. Ends in ``CommandFinished``; the hover order, if any, is superseded."""
         adapter = self._telemetry.adapter
-        self._operate("hold", _hold(self.system, adapter) if adapter is not None else None, now)
+        self._operate("hold", _hold(self.state, adapter) if adapter is not None else None, now)
 
     def return_to_launch(self, now: float) -> None:
         """Fly home and land. Ends in ``CommandFinished``; the hover order, if any, is superseded."""
         message = CommandLong(
             target_system=self.system,
-            target_component=MavComponent.AUTOPILOT1,
+            target_component=self.state.component,
             command=MavCmd.NAV_RETURN_TO_LAUNCH,
         )
         self._operate("return to launch", message, now)
@@ -186,22 +194,55 @@ class Vehicle:
 
     def receive(self, message: Message, now: float, *, component: int = MavComponent.AUTOPILOT1) -> None:
         """Take a message that this vehicle's ``component`` sent; a heartbeat that is not the autopilot's is counted."""
-        if is_foreign(message, component):
-            self.foreign_heartbeats += 1
+        if self._speaker.receive(message, now, component=component):
+            self._autopilot_changed(now)
+        if not self._is_taken(message, component):
             return
-        if component == MavComponent.AUTOPILOT1:
+        if component == self.state.component:
             self._presence.receive(message, now)
         self._telemetry.receive(message, now, component=component)
         self._note_presence(now)
         self._commands.receive(message, now, component=component)
         self._gimbal.receive(message, now, component=component)
         self._subscriptions.lead(self._gimbal.device, now)
-        if component == MavComponent.AUTOPILOT1:
+        if component == self.state.component:
             self._hover.receive(message, now)
             self._take_off.receive(message, now)
             self._round_trip.receive(message, now)
         self._subscriptions.receive(message, now, component=component)
         self._collect(now)
+
+    def is_foreign(self, message: Message, component: int) -> bool:
+        """Whether a message is a heartbeat under the autopilot's ids that is not the autopilot's."""
+        return is_foreign(message, component, autopilot=self.state.component)
+
+    def note_not_taken(self, component: int) -> None:
+        """Count a message of a component that is not listened to."""
+        self.not_taken["another autopilot" if component in self._speaker.others else what_speaks(component)] += 1
+
+    def _is_taken(self, message: Message, component: int) -> bool:
+        """Whether a message is listened to; one that is not is counted."""
+        if self.is_foreign(message, component):
+            self.foreign_heartbeats += 1
+            return False
+        if is_taken(message, component, autopilot=self.state.component):
+            return True
+        self.note_not_taken(component)
+        return False
+
+    def _autopilot_changed(self, now: float) -> None:
+        """Begin anew with an autopilot that speaks as another component."""
+        for machine in (self._hover, self._take_off):
+            machine.give_up("its autopilot speaks as another component", now)
+        self._telemetry.begin_anew(self._speaker.component)
+        if self._presence.up:
+            self._ask_anew(now)
+
+    def _ask_anew(self, now: float) -> None:
+        """Ask for all that a new autopilot, or one that restarted, does not know that it was asked for."""
+        self._subscriptions.link_up(now, autopilot=self.state.component)
+        self._gimbal.link_up(now)
+        self._round_trip.link_up(now)
 
     def advance(self, now: float) -> None:
         """Do what is due."""
@@ -228,8 +269,9 @@ class Vehicle:
 
     def _operate(self, name: str, message: CommandLong | None, now: float) -> None:
         self._set_aside(now)
-        if message is None or not self.state.link_up:
-            self._events.append(CommandFinished(system=self.system, command=name, problem="no link to the vehicle"))
+        problem = "no link to the vehicle" if not self.state.link_up else why_not_stopped(self.state, now)
+        if message is None or problem is not None:
+            self._events.append(CommandFinished(system=self.system, command=name, problem=problem))
             return
         request = Request(message=message, key=name, tries=INSISTENT, deadline_s=now + _OPERATOR_DEADLINE_S)
         self._operator[self._commands.submit(request, now)] = name
@@ -249,9 +291,7 @@ class Vehicle:
         for event in self._presence.take_events():
             self._events.append(event)
             if isinstance(event, LinkUp):
-                self._subscriptions.link_up(now)
-                self._gimbal.link_up(now)
-                self._round_trip.link_up(now)
+                self._ask_anew(now)
             elif isinstance(event, LinkLost):
                 self._subscriptions.link_lost()
                 self._round_trip.link_lost()
@@ -290,13 +330,13 @@ class Vehicle:
         self._on_station = on_station
 
 
-def _hold(system: int, adapter: Adapter) -> CommandLong:
+def _hold(state: VehicleState, adapter: Adapter) -> CommandLong:
     if not adapter.hold_is_reposition:
-        return set_mode(system, adapter.hold_mode)
+        return set_mode(state, adapter.hold_mode)
     here = math.nan
     return CommandLong(
-        target_system=system,
-        target_component=MavComponent.AUTOPILOT1,
+        target_system=state.system,
+        target_component=state.component,
         command=MavCmd.DO_REPOSITION,
         param1=-1.0,
         param2=float(DoRepositionFlags.CHANGE_MODE),

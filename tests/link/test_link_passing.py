@@ -5,7 +5,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hsop_gcs.link.codec import Decoder, Encoder, is_signed
 from hsop_gcs.link.endpoint import Peer
-from hsop_gcs.link.enums import MavAutopilot, MavCmd
+from hsop_gcs.link.enums import MavAutopilot, MavCmd, MavType
 from hsop_gcs.link.messages import (
     CommandInt,
     CommandLong,
@@ -31,7 +31,7 @@ def heard_router(*, signed: bool = False) -> Router:
     router = Router([1, 2, 3], signing={0: Signing(bytes(32), clock=SigningClock(lambda: 1.8e9))} if signed else {})
     for system in (1, 2):
         vehicle = Encoder(system=system, component=1, sign=sign.sign if signed else None)
-        router.receive(vehicle.encode(Heartbeat(autopilot=MavAutopilot.PX4)), HERE, 0.0)
+        router.receive(vehicle.encode(Heartbeat(type=MavType.QUADROTOR, autopilot=MavAutopilot.PX4)), HERE, 0.0)
     router.take_outgoing()
     return router
 

@@ -125,7 +125,7 @@ def test_an_order_whose_autopilot_changes_its_kind_is_given_up(stack: Stack) -> 
     ends.run(0.1)
     (failed,) = ends.of(OrderFailed)
     assert isinstance(failed, OrderFailed)
-    assert failed.reason == "its autopilot is of another kind than when it was ordered: other"
+    assert failed.reason == "its autopilot is of another kind than when it was ordered: other on a quadrotor"
     assert ends.vehicle.progress is None
 
 

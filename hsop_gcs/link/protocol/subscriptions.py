@@ -56,7 +56,7 @@ _ASK_FOR_S = 20.0
 @dataclass(slots=True)
 class _Wanted:
     rate_hz: float
-    component: int = MavComponent.AUTOPILOT1
+    component: int
     """Who sends it."""
     heard_s: float | None = None
     refused: bool = False
@@ -71,19 +71,21 @@ class Subscriptions:
         self._wanted: dict[type[Message], _Wanted] = {}
         self._tickets: dict[int, type[Message]] = {}
         self._watch_at: float | None = None
+        self._autopilot: int = MavComponent.AUTOPILOT1
 
     @property
     def wake_at(self) -> float | None:
         """When the arrivals are looked over next."""
         return self._watch_at
 
-    def link_up(self, now: float) -> None:
-        """Ask for everything."""
-        self._wanted = {kind: _Wanted(rate_hz=rate_hz) for kind, rate_hz in RATES_HZ.items()}
+    def link_up(self, now: float, *, autopilot: int = MavComponent.AUTOPILOT1) -> None:
+        """Ask the autopilot's component for everything."""
+        self._autopilot = autopilot
+        self._wanted = {kind: _Wanted(rate_hz=rate_hz, component=autopilot) for kind, rate_hz in RATES_HZ.items()}
         for kind in RATES_HZ:
             self._ask(kind, now)
         for kind in _ONCE:
-            self._command(MavCmd.REQUEST_MESSAGE, kind, MavComponent.AUTOPILOT1, 0.0, now)
+            self._command(MavCmd.REQUEST_MESSAGE, kind, autopilot, 0.0, now)
         self._watch_at = now + _WATCH_EVERY_S
 
     def link_lost(self) -> None:
@@ -92,7 +94,7 @@ class Subscriptions:
 
     def lead(self, gimbal: GimbalDevice | None, now: float) -> None:
         """Ask those for the reports of the led gimbal who send them; None: the autopilot, while no other is known."""
-        autopilot = int(MavComponent.AUTOPILOT1)
+        autopilot = self._autopilot
         of_device, of_manager = (autopilot, autopilot) if gimbal is None else (gimbal.component, gimbal.manager)
         for kind, component in ((GimbalDeviceAttitudeStatus, of_device), (GimbalManagerStatus, of_manager)):
             wanted = self._wanted.get(kind)

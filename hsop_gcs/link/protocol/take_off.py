@@ -16,11 +16,12 @@ from dataclasses import replace
 from enum import Enum
 
 from hsop_gcs.link.adapters.adapter import Adapter, Mode
-from hsop_gcs.link.enums import MavCmd, MavComponent, MavModeFlag, MavResult
+from hsop_gcs.link.enums import MavCmd, MavModeFlag, MavResult
 from hsop_gcs.link.events import Event, OrderFailed, OrderSuperseded, TookOff
 from hsop_gcs.link.messages import CommandLong, Message
 from hsop_gcs.link.protocol.command import ONCE, REPEATABLE, CommandSender, Outcome, Request, Verdict
-from hsop_gcs.link.protocol.telemetry import Telemetry
+from hsop_gcs.link.protocol.ready import why_not_flown
+from hsop_gcs.link.protocol.telemetry import Telemetry, VehicleState
 
 READY_WITHIN_S = 60.0
 """An ArduPilot needs about 40 s from power-up to a position estimate."""
@@ -59,11 +60,12 @@ class TakeOff:
         self._seen_armed = False
         self._adapter: Adapter | None = None
         """That of the autopilot which was given the order."""
+        self._kind = ""
 
     def start(self, altitude_above_home_m: float, *, order_id: str, now: float) -> None:
         """Take off to an altitude above home."""
         self.stop(now)
-        problem = self._why_not(altitude_above_home_m)
+        problem = self._why_not(altitude_above_home_m, now)
         if problem is not None:
             self._events.append(OrderFailed(system=self._system, order_id=order_id, reason=problem))
             return
@@ -71,6 +73,7 @@ class TakeOff:
         self._altitude_m = altitude_above_home_m
         self._ticket, self._tries, self._refusal, self._seen_armed = None, 0, "", False
         adapter = self._adapter = self._telemetry.adapter
+        self._kind = self._telemetry.state.kind
         sets_mode = adapter is not None and adapter.take_off_mode is not None
         self._step = _Step.SETTING_MODE if sets_mode else _Step.ARMING
         self._next_at, self._give_up_at = now, now + READY_WITHIN_S
@@ -82,6 +85,12 @@ class TakeOff:
         if self.order_id is not None:
             self._events.append(OrderSuperseded(system=self._system, order_id=self.order_id))
         self.order_id, self._step = None, _Step.IDLE
+
+    def give_up(self, reason: str, now: float) -> None:
+        """End a take-off under way, if any, without success."""
+        self._commands.withdraw(_KEY, now)
+        if self.order_id is not None:
+            self._fail(reason)
 
     @property
     def wake_at(self) -> float | None:
@@ -96,9 +105,11 @@ class TakeOff:
         del message  # what counts is the state it made
         if self._step is _Step.IDLE:
             return
-        if self._telemetry.adapter is not self._adapter:
-            self._commands.withdraw(_KEY, now)
-            self._fail(f"its autopilot is of another kind than when it was ordered: {self._telemetry.state.autopilot}")
+        if self._telemetry.state.kind != self._kind:
+            kind = self._telemetry.state.kind
+            self.give_up(f"its autopilot is of another kind than when it was ordered: {kind}", now)
+        elif (problem := why_not_flown(self._telemetry.state, now)) is not None:
+            self.give_up(problem, now)
         else:
             self._look(now)
             self.advance(now)
@@ -142,12 +153,12 @@ class TakeOff:
     def _system(self) -> int:
         return self._telemetry.state.system
 
-    def _why_not(self, altitude_above_home_m: float) -> str | None:
+    def _why_not(self, altitude_above_home_m: float, now: float) -> str | None:
         state = self._telemetry.state
         if not state.link_up:
             return "no link to the vehicle"
-        if self._telemetry.adapter is None:
-            return f"no orders are given to an autopilot of kind {state.autopilot}"
+        if (problem := why_not_flown(state, now)) is not None:
+            return problem
         if not altitude_above_home_m > 0 or not math.isfinite(altitude_above_home_m):
             return f"{altitude_above_home_m} m is no altitude to take off to"
         return "the vehicle is in the air" if state.in_air else None
@@ -218,10 +229,10 @@ class TakeOff:
         adapter, home = self._adapter, self._telemetry.state.home
         if adapter is None or home is None:
             return
-        target = CommandLong(target_system=self._system, target_component=MavComponent.AUTOPILOT1)
+        target = CommandLong(target_system=self._system, target_component=self._telemetry.state.component)
         tries = ONCE
         if self._step is _Step.SETTING_MODE:
-            message, tries = set_mode(self._system, adapter.take_off_mode or adapter.hover_mode), REPEATABLE
+            message, tries = set_mode(self._telemetry.state, adapter.take_off_mode or adapter.hover_mode), REPEATABLE
         elif self._step is _Step.ARMING:
             message = replace(target, command=MavCmd.COMPONENT_ARM_DISARM, param1=1.0)
         elif adapter.take_off_altitude_is_amsl:
@@ -234,11 +245,11 @@ class TakeOff:
         self._ticket = self._commands.submit(request, now)
 
 
-def set_mode(system: int, mode: Mode) -> CommandLong:
-    """Return the command that changes the flight mode."""
+def set_mode(state: VehicleState, mode: Mode) -> CommandLong:
+    """Return the command that changes a vehicle's flight mode."""
     return CommandLong(
-        target_system=system,
-        target_component=MavComponent.AUTOPILOT1,
+        target_system=state.system,
+        target_component=state.component,
         command=MavCmd.DO_SET_MODE,
         param1=float(MavModeFlag.CUSTOM_MODE_ENABLED),
         param2=float(mode.main),
