@@ -19,6 +19,7 @@ from hsop_gcs.api.schemas import (
     HostsOut,
     PlansOut,
     ReadyOut,
+    RecalledOut,
     RegisterIn,
     ReportIn,
     ReportResults,
@@ -135,9 +136,10 @@ def _routes(mission: Mission) -> APIRouter:
         return HostsOut(hosts=mission.hold(wanted.hosts))
 
     @router.post("/hosts/recall", operation_id="recall", responses=_problems(404, 422))
-    async def recall(wanted: HostsIn) -> HostsOut:
+    async def recall(wanted: HostsIn) -> RecalledOut:
         """Send hosts home to land; they stay out of plans until released, and no plan flies without approval."""
-        return HostsOut(hosts=mission.recall(wanted.hosts))
+        recalled = mission.recall(wanted.hosts)
+        return RecalledOut(hosts=recalled, on_the_ground=mission.on_the_ground(recalled))
 
     @router.post("/hosts/release", operation_id="release", responses=_problems(404, 422))
     async def release(wanted: HostsIn) -> HostsOut:

@@ -225,6 +225,8 @@ class HostOut(BaseModel):
     battery_percent: float | None
     last_text: str | None
     order: OrderOut | None
+    take_off: str | None
+    """How an ordered take-off stands, or why the last one failed; null once it is done or another order came."""
     pending: PendingOut | None
     """A hold or recall that the host has not confirmed; it is ordered again whenever the host is heard."""
 
@@ -308,6 +310,11 @@ class EventOut(BaseModel):
 
 class HostsOut(BaseModel):
     hosts: list[str]
+
+
+class RecalledOut(HostsOut):
+    on_the_ground: list[str]
+    """Recalled hosts that stand on the ground: nothing is sent to them, and a take-off under way is given up."""
 
 
 class SourceCounts(BaseModel):

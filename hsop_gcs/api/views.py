@@ -100,6 +100,7 @@ def _host(host: Host, mission: Mission, aircraft: Aircraft, closed: Closed | Non
         battery_percent=state.battery_percent,
         last_text=state.texts[-1].text if state.texts else None,
         order=None if progress is None else _order(host, progress, mission),
+        take_off=mission.vehicle(host).take_off_status,
         pending=_pending(mission.state.pending.get(host.id), aircraft, closed),
     )
 

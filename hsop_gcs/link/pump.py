@@ -188,9 +188,14 @@ class Link:
             self._listeners[system].remove(listener)
 
     def forward(self, system: int, data: bytes) -> None:
-        """Send a vehicle what of somebody else's datagram may pass; it is signed and recorded like our own."""
+        """Send a vehicle what of somebody else's datagram may pass; it is signed and recorded like our own.
+
+        Commands that do not pass are denied before this returns, to all who ``listen``.
+        """
         self._vehicle(system)
-        self._router.forward(system, data)
+        for answer in self._router.forward(system, data):
+            for listener in self._listeners[system]:
+                listener(answer)
         self._stir.set()
 
     def keep_alive(self) -> None:

@@ -21,10 +21,11 @@ from hsop_gcs.errors import BadInput
 from hsop_gcs.link.account import Account, LinkCounters, Sequence, Stranger, VehicleLink
 from hsop_gcs.link.codec import Decoder, DecoderCounters, Encoder, Frame, is_signed, marked_signed
 from hsop_gcs.link.endpoint import Peer
+from hsop_gcs.link.enums import MavResult
 from hsop_gcs.link.events import AddressRefused, AddressRegistered, Event
 from hsop_gcs.link.identity import GROUND_STATION, Identity
 from hsop_gcs.link.messages import Message
-from hsop_gcs.link.passing import withheld
+from hsop_gcs.link.passing import denial, withheld
 from hsop_gcs.link.protocol.heartbeat import OwnHeartbeat
 from hsop_gcs.link.protocol.speaker import begins_link
 from hsop_gcs.link.signing import Signing, Verdict
@@ -189,17 +190,23 @@ class Router:
         """Where a vehicle is registered; None before it was heard."""
         return self._accounts[system].peer
 
-    def forward(self, system: int, data: bytes) -> None:
-        """Send a vehicle what of a datagram of somebody else's may pass, with our signature if its link is signed."""
+    def forward(self, system: int, data: bytes) -> list[bytes]:
+        """Send a vehicle what of a datagram of somebody else's may pass, with our signature if its link is signed.
+
+        Returns what the sender is to be answered in the vehicle's stead: commands that do not pass are denied.
+        """
         account = self._accounts[system]
+        answers: list[bytes | None] = []
         for frame in Decoder().feed_datagram(data):
             why_not = withheld(frame, system)
             if account.peer is None or why_not is not None:
                 account.withheld[why_not or "vehicle not heard yet"] += 1
+                answers.append(denial(frame, system, MavResult.DENIED if why_not else MavResult.TEMPORARILY_REJECTED))
                 continue
             signing = self._signing.get(account.peer.transport)
             raw = frame.raw if signing is None else signing.sign(marked_signed(frame.raw))
             self._forwarded.append((account.peer, raw))
+        return [answer for answer in answers if answer is not None]
 
     @property
     def counters(self) -> LinkCounters:

@@ -118,6 +118,11 @@ class Vehicle:
         return self._speaker.others_lately(now)
 
     @property
+    def take_off_status(self) -> str | None:
+        """How its take-off stands, or why the last one failed, for a person; see ``TakeOff.status``."""
+        return self._take_off.status
+
+    @property
     def command_noise(self) -> int:
         """Acknowledgements that no command was waiting for."""
         return self._commands.noise

@@ -247,6 +247,10 @@ class Mission:
         self._take(HostsRecalled(time_s=self.clock(), hosts=tuple(host.id for host in hosts)))
         return [host.id for host in hosts]
 
+    def on_the_ground(self, host_ids: Iterable[str]) -> list[str]:
+        """Return those of the hosts that are heard and stand on the ground: a recall has nothing to send to them."""
+        return [host.id for host in self._hosts(host_ids) if self._commander.on_the_ground(host)]
+
     def release(self, host_ids: Iterable[str] | None = None) -> list[str]:
         """Give hosts back to the mission; return their ids. All of them: plans fly by its own autonomy again."""
         hosts = tuple(host.id for host in self._hosts(host_ids))

@@ -1,9 +1,9 @@
 """Taking off, on an operator's explicit order.
 
-    idle ──start──► setting mode ──► arming ──accepted, or seen armed──► taking off ──accepted──► climbing ──► idle
-     ▲              (ArduPilot)       │  ▲                                │ ▲                        │       TookOff
-     │                                └──┘ not ready yet, up to a minute  └─┘ seen still on ground   │
-     └──failed: refused for good, too long, disarmed again───────────────────────────────────────────┘
+    idle ──start──► setting mode ──seen──► arming ──accepted, seen armed──► taking off ──accepted──► climbing ──► idle
+     ▲                                      │  ▲                             │ ▲                        │    TookOff
+     │                                      └──┘ not ready, up to a minute   └─┘ seen still on ground   │
+     └──failed: refused for good, too long, disarmed again──────────────────────────────────────────────┘
 
 Nothing is sent before the vehicle is known to stand on the ground and its home is known, which may take as long as
 its position.
@@ -61,21 +61,32 @@ class TakeOff:
         self._adapter: Adapter | None = None
         """That of the autopilot which was given the order."""
         self._kind = ""
+        self._failed: str | None = None
+
+    @property
+    def status(self) -> str | None:
+        """How the take-off stands, for a person, or why the last one failed.
+
+        None: no take-off was ordered, it ended well, or another order took its place.
+        """
+        if self._step is _Step.IDLE:
+            return None if self._failed is None else f"failed: {self._failed}"
+        return f"{self._step.value}: {self._refusal}" if self._refusal else str(self._step.value)
 
     def start(self, altitude_above_home_m: float, *, order_id: str, now: float) -> None:
         """Take off to an altitude above home."""
         self.stop(now)
         problem = self._why_not(altitude_above_home_m, now)
         if problem is not None:
+            self._failed = problem
             self._events.append(OrderFailed(system=self._system, order_id=order_id, reason=problem))
             return
         self.order_id = order_id
         self._altitude_m = altitude_above_home_m
         self._ticket, self._tries, self._refusal, self._seen_armed = None, 0, "", False
-        adapter = self._adapter = self._telemetry.adapter
+        self._adapter = self._telemetry.adapter
         self._kind = self._telemetry.state.kind
-        sets_mode = adapter is not None and adapter.take_off_mode is not None
-        self._step = _Step.SETTING_MODE if sets_mode else _Step.ARMING
+        self._step = _Step.ARMING if self._in_take_off_mode() else _Step.SETTING_MODE
         self._next_at, self._give_up_at = now, now + READY_WITHIN_S
         self.advance(now)
 
@@ -84,7 +95,7 @@ class TakeOff:
         self._commands.withdraw(_KEY, now)
         if self.order_id is not None:
             self._events.append(OrderSuperseded(system=self._system, order_id=self.order_id))
-        self.order_id, self._step = None, _Step.IDLE
+        self.order_id, self._step, self._failed = None, _Step.IDLE, None
 
     def give_up(self, reason: str, now: float) -> None:
         """End a take-off under way, if any, without success."""
@@ -121,7 +132,10 @@ class TakeOff:
         self._ticket = None
         if self._step is _Step.IDLE:
             return
-        if outcome.accepted:
+        if outcome.accepted and self._step is _Step.SETTING_MODE:
+            # PX4 acknowledges a mode before it has looked whether it can be in it: telemetry tells, or we ask again.
+            self._refusal, self._next_at = "the mode is not the one asked for", now + _AGAIN_AFTER_S
+        elif outcome.accepted:
             self._next_step(now)
         else:
             self._refused(outcome, now)
@@ -208,8 +222,7 @@ class TakeOff:
 
     def _in_take_off_mode(self) -> bool:
         adapter = self._adapter
-        mode = adapter.take_off_mode if adapter is not None else None
-        return mode is not None and self._telemetry.state.custom_mode == mode.custom_mode
+        return adapter is not None and self._telemetry.state.custom_mode == adapter.take_off_mode.custom_mode
 
     def _refused(self, outcome: Outcome, now: float) -> None:
         texts = self._telemetry.state.texts
@@ -223,7 +236,7 @@ class TakeOff:
 
     def _fail(self, reason: str) -> None:
         self._events.append(OrderFailed(system=self._system, order_id=self.order_id or "", reason=reason))
-        self.order_id, self._step = None, _Step.IDLE
+        self.order_id, self._step, self._failed = None, _Step.IDLE, reason
 
     def _command(self, now: float) -> None:
         adapter, home = self._adapter, self._telemetry.state.home
@@ -232,7 +245,7 @@ class TakeOff:
         target = CommandLong(target_system=self._system, target_component=self._telemetry.state.component)
         tries = ONCE
         if self._step is _Step.SETTING_MODE:
-            message, tries = set_mode(self._telemetry.state, adapter.take_off_mode or adapter.hover_mode), REPEATABLE
+            message, tries = set_mode(self._telemetry.state, adapter.take_off_mode), REPEATABLE
         elif self._step is _Step.ARMING:
             message = replace(target, command=MavCmd.COMPONENT_ARM_DISARM, param1=1.0)
         elif adapter.take_off_altitude_is_amsl:
