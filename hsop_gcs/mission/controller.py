@@ -168,8 +168,9 @@ class Mission:
         """
         self._check_tracker()
         given = ReportsArrived(time_s=self.clock(), measurements=tuple(measurements), hosts_m=self.sky.hosts_m())
+        after, verdicts = take_reports(self.state, given)
         self._record(given)
-        self.state, verdicts = take_reports(self.state, given)
+        self.state = after
         for verdict in verdicts:
             if isinstance(verdict, Refusal):
                 self.refuse_report(verdict.field)
@@ -187,8 +188,9 @@ class Mission:
         rules = self.state.rules
         rays = rays_of(detections, self._poses.histories, self.fleet.rigs(), rules.detections)
         given = RaysArrived(time_s=self.clock(), rays=rays, hosts_m=self.sky.hosts_m())
+        after, verdicts = take_rays(self.state, given)
         self._record(given)
-        self.state, verdicts = take_rays(self.state, given)
+        self.state = after
         self._changed.set()
         return verdicts
 
@@ -440,8 +442,10 @@ class Mission:
     # How the state moves on
 
     def _take(self, given: Input) -> None:
+        # what the mission cannot take does not get into its journal: a service that starts again could not read it
+        after = apply(self.state, given)
         self._record(given)
-        self.state = apply(self.state, given)
+        self.state = after
 
     def _record(self, given: Input) -> None:
         """Give an input to the journal, which writes it before this returns if the disk takes it: see ``Journal``."""
