@@ -15,6 +15,7 @@ import uvicorn
 from hsop_gcs.api import create_api
 from hsop_gcs.api.front import Front
 from hsop_gcs.api.placements import WhatIf
+from hsop_gcs.clocks import Clock, RisingClock, boot_id, steady_s
 from hsop_gcs.errors import Unavailable
 from hsop_gcs.geometry import triangulation
 from hsop_gcs.link.codec import message_ids
@@ -23,6 +24,7 @@ from hsop_gcs.link.key_files import TimestampFile, read_key
 from hsop_gcs.link.pump import Link
 from hsop_gcs.link.signing import Signing, SigningClock
 from hsop_gcs.link.tlog import TlogWriter, create_tlog
+from hsop_gcs.mission.clock import MissionClock
 from hsop_gcs.mission.controller import Mission
 from hsop_gcs.mission.recovery import resumed
 from hsop_gcs.mission.solver import Solver
@@ -50,10 +52,10 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
             journal, recovered = await in_thread(lambda: stack.enter_context(resumed(path)))
             if journal.bytes_cut:
                 log.warning("journal %s: its last line was torn; %d bytes were cut off", path, journal.bytes_cut)
-        tlog = None
+        tlog, rising = None, RisingClock()
         if settings.service.tlog is not None:
-            tlog = TlogWriter(stack.enter_context(create_tlog(Path(settings.service.tlog), time.time())))
-        link = await stack.enter_async_context(link_of(settings, tlog=tlog, watchdog_s=_WATCHDOG_S))
+            tlog = TlogWriter(stack.enter_context(create_tlog(Path(settings.service.tlog), rising())))
+        link = await stack.enter_async_context(link_of(settings, tlog=tlog, watchdog_s=_WATCHDOG_S, rising=rising))
         for host in settings.hosts:
             if host.mavsdk_port is not None:
                 await stack.enter_async_context(GuestPort(link, host.system_id, host.mavsdk_port))
@@ -62,7 +64,7 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
             site=settings.to_site(),
             link=link,
             solver=solver,
-            clock=time.time,
+            clock=MissionClock(time.time, steady_s, before=recovered.timeline if recovered else None, boot=boot_id()),
             rules=settings.to_rules(),
             recovered=recovered,
             journal=journal,
@@ -84,27 +86,35 @@ async def load_tracker(mission: Mission) -> None:
     mission.tracker_ready = True
 
 
-def link_of(settings: Settings, *, tlog: TlogWriter | None = None, watchdog_s: float | None = None) -> Link:
-    """Return the link to the fleet, not open yet."""
+def link_of(
+    settings: Settings,
+    *,
+    tlog: TlogWriter | None = None,
+    watchdog_s: float | None = None,
+    rising: Clock | None = None,
+) -> Link:
+    """Return the link to the fleet, not open yet. rising: UTC that never goes back, for stamps."""
+    rising = rising or RisingClock()
     connections = {host.system_id: host.connection for host in settings.hosts}
     return Link(
         sorted(set(connections.values())),
         connections,
         connections=connections,
-        signing=_signing(settings),
-        on_frame=_recorder(tlog),
+        clock=steady_s,
+        signing=_signing(settings, rising),
+        on_frame=_recorder(tlog, rising),
         watchdog_s=watchdog_s,
     )
 
 
-def _signing(settings: Settings) -> dict[str, Signing]:
+def _signing(settings: Settings, rising: Clock) -> dict[str, Signing]:
     """Return how each signed connection signs. Raises Unavailable if timestamps could not be kept over a restart."""
     files, wanted = settings.key_files(), settings.signing
     if not files:
         return {}
     kept = wanted.timestamp_file or f"{next(iter(files.values()))}.timestamp"
     store = TimestampFile(Path(kept))
-    clock = SigningClock(time.time, saved=store.load(), save=store.save)
+    clock = SigningClock(time.time, rising=rising, saved=store.load(), save=store.save)
     clock.next()
     if clock.problem is not None:
         raise Unavailable(f"{clock.problem}: {kept}")
@@ -117,8 +127,8 @@ def _signing(settings: Settings) -> dict[str, Signing]:
     }
 
 
-def _recorder(tlog: TlogWriter | None) -> Callable[[bytes], None] | None:
-    return None if tlog is None else lambda raw: tlog.write(time.time(), raw)
+def _recorder(tlog: TlogWriter | None, rising: Clock) -> Callable[[bytes], None] | None:
+    return None if tlog is None else lambda raw: tlog.write(rising(), raw)
 
 
 class _Server(uvicorn.Server):

@@ -154,7 +154,7 @@ def _routes(mission: Mission) -> APIRouter:
     @router.get("/events", operation_id="getEvents", responses=_problems(422))
     async def get_events(after: Annotated[int, Query(ge=0)] = 0) -> list[EventOut]:
         """What happened to hosts and orders, oldest first: the newest 500 with a number above ``after``."""
-        return [views.event_out(event) for event in mission.events if event.number > after]
+        return [views.event_out(event, mission) for event in mission.events if event.number > after]
 
     @router.get("/ready", operation_id="getReady", responses={503: {"model": ReadyOut}}, response_model=ReadyOut)
     async def get_ready() -> Response:

@@ -28,7 +28,8 @@ def _printable(text: str) -> str:
     return text
 
 
-Name = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_printable)]
+LONGEST_NAME = 64
+Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_printable)]
 
 
 class _Request(BaseModel):
@@ -302,7 +303,7 @@ class EventOut(BaseModel):
     number: int
     time: datetime
     host: str | None
-    """None: it happened to the mission."""
+    """None: it happened to the mission, such as ClockStepped."""
     kind: str
     """Such as LinkLost, OrderFailed, OnStation, StatusTextReceived."""
     details: dict[str, Any]

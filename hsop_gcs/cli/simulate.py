@@ -170,6 +170,7 @@ def register(app: typer.Typer) -> None:
         fleet = SimulatedFleet(config, clock=time.monotonic)
         lookout = None
         if truth is not None and detections_to is not None:
+            from hsop_gcs.clocks import RisingClock
             from hsop_gcs.geometry.frames import LocalFrame
             from hsop_gcs.settings import read_settings
             from hsop_gcs.simulator.lookout import Lookout, LookoutConfig
@@ -188,7 +189,7 @@ def register(app: typer.Typer) -> None:
 
             def lookout(line: str) -> Lookout:
                 seen = in_file or truth_from_text(line, home)
-                return Lookout(fleet, seen, LocalFrame(home), config_of_eyes, clock=time.time)
+                return Lookout(fleet, seen, LocalFrame(home), config_of_eyes, clock=RisingClock())
 
         asyncio.run(_run(fleet, lookout, truth_on_stdin=truth == "-", exit_with_stdin=exit_with_stdin))
 

@@ -9,10 +9,11 @@ import asyncio
 import contextlib
 import logging
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 
-from hsop_gcs.detections import Detection, let_go, rays_of
+from hsop_gcs.detections import Detection, Fate, let_go, rays_of
 from hsop_gcs.detections import Verdict as RayVerdict
 from hsop_gcs.errors import NotKnown, Refused, Unavailable
 from hsop_gcs.fleet import Fleet, Host
@@ -21,12 +22,15 @@ from hsop_gcs.link.events import Event, OrderFailed
 from hsop_gcs.link.pump import Link
 from hsop_gcs.link.tlog import TlogWriter
 from hsop_gcs.link.vehicle import Vehicle
+from hsop_gcs.mission.clock import MissionClock
 from hsop_gcs.mission.commander import Commander
 from hsop_gcs.mission.core import MissionState, Wish, apply, situation, take_rays, take_reports
+from hsop_gcs.mission.dating import Dating
 from hsop_gcs.mission.departures import check_take_off, departures
 from hsop_gcs.mission.dispatch import OrderStatus
 from hsop_gcs.mission.gates import UNHEARD, Closed
 from hsop_gcs.mission.inputs import (
+    ClockStepped,
     DecisionMade,
     HostDeparted,
     HostSetAside,
@@ -52,12 +56,13 @@ from hsop_gcs.mission.notices import JournalFailed, JournalResumed, Notice
 from hsop_gcs.mission.planning import Situation
 from hsop_gcs.mission.poses import Poses
 from hsop_gcs.mission.records import to_record, worth_of
+from hsop_gcs.mission.refusals import Refusals
 from hsop_gcs.mission.sky import Sky
 from hsop_gcs.mission.solver import Solver
 from hsop_gcs.mission.state import Autonomy, Plan, ready, replan_reason
 from hsop_gcs.mission.traffic import Blocked
 from hsop_gcs.reports import Measurement, Site
-from hsop_gcs.tracks import Refusal, Verdict, prune
+from hsop_gcs.tracks import Refusal, RefusalKind, Verdict, prune
 
 _TICK_S = 0.2
 _REST_S = 0.02
@@ -68,6 +73,8 @@ _EVENTS_KEPT = 500
 _HOSTS_AWAITED_S = 5.0
 """After a restart, how long the first question to the planner waits for hosts that had orders."""
 _TRACKER_LOADS = "the tracker's kernels are being loaded, the first time on a machine compiled"
+_NO_FAULT = frozenset({RefusalKind.OWN_HOST, RefusalKind.DUPLICATE, RefusalKind.DISMISSED})
+"""Refusals that say nothing against their source."""
 
 log = logging.getLogger(__name__)
 
@@ -78,13 +85,14 @@ class LoggedEvent:
 
     number: int
     time_s: float
+    """Mission time."""
     host: str | None
     """None: it happened to the mission."""
     event: Event | Input | Notice
 
 
 class Mission:
-    """One mission from its first report to its last order. ``clock``: seconds since the Unix epoch."""
+    """One mission from its first report to its last order. ``clock``: of the recovered mission, if it goes on."""
 
     def __init__(
         self,
@@ -93,7 +101,7 @@ class Mission:
         site: Site,
         link: Link,
         solver: Solver,
-        clock: Callable[[], float],
+        clock: MissionClock,
         rules: Rules | None = None,
         recovered: MissionState | None = None,
         journal: Journal | None = None,
@@ -105,11 +113,14 @@ class Mission:
         self.site = site
         self.link = link
         self.clock = clock
+        """Mission time; see ``utc``."""
         self.state = recovered or MissionState()
         self.events: deque[LoggedEvent] = deque(maxlen=_EVENTS_KEPT)
         self.reports_accepted = 0
         self.reports_refused: Counter[str] = Counter()
         """Refused reports by the field that was at fault."""
+        self.dating = Dating()
+        self.refusals = Refusals()
         self.solver_fault: str | None = None
         """What went wrong in the solver's process, if its last run did not end in an answer."""
         self.journal = journal
@@ -129,7 +140,11 @@ class Mission:
         self._awaits_hosts_until_s = link.now() + _HOSTS_AWAITED_S
         self._awaited_hosts = frozenset() if recovered is None else frozenset(recovered.progress)
         names = tuple(host.id for host in fleet.hosts)
-        self._take(MissionStarted(time_s=clock(), rules=rules or Rules(), hosts=names))
+        started = MissionStarted(
+            time_s=clock(), rules=rules or Rules(), hosts=names, steady_s=clock.steady_s, boot=clock.boot
+        )
+        self._take(started)
+        self._keep_time()
 
     # What is awaited
 
@@ -162,41 +177,58 @@ class Mission:
     # What consoles ask for
 
     def submit(self, measurements: Sequence[Measurement]) -> tuple[Verdict, ...]:
-        """Take measurements that arrived together into the picture; return what became of each, in their order.
+        """Take measurements that arrived together, dated in UTC by their sources, into the picture.
 
-        Raises Unavailable while the tracker's kernels are loaded.
+        Return what became of each, in their order. Raises Unavailable while the tracker's kernels are loaded.
         """
         self._check_tracker()
-        given = ReportsArrived(time_s=self.clock(), measurements=tuple(measurements), hosts_m=self.sky.hosts_m())
+        now_s = self._keep_time()
+        dated = self.dating.reports(measurements, now_s, self.state)
+        given = ReportsArrived(time_s=now_s, measurements=dated, hosts_m=self.sky.hosts_m())
         after, verdicts = take_reports(self.state, given)
         self._record(given)
         self.state = after
-        for verdict in verdicts:
-            if isinstance(verdict, Refusal):
+        for each, verdict in zip(dated, verdicts, strict=True):
+            if not isinstance(verdict, Refusal):
+                self.reports_accepted += 1
+                self.refusals.accepted(each.source)
+            elif verdict.kind in _NO_FAULT:
                 self.refuse_report(verdict.field)
             else:
-                self.reports_accepted += 1
+                self.refuse_report(verdict.field, verdict.problem, source=each.source)
         self._changed.set()
         return verdicts
 
     def detect(self, detections: Sequence[Detection]) -> tuple[RayVerdict, ...]:
-        """Take what hosts' cameras saw into the picture; return what became of each detection, in their order.
+        """Take what hosts' cameras saw, dated in UTC, into the picture.
 
-        Raises Unavailable while the tracker's kernels are loaded.
+        Return what became of each detection, in their order. Raises Unavailable while the tracker's kernels are loaded.
         """
         self._check_tracker()
-        rules = self.state.rules
-        rays = rays_of(detections, self._poses.histories, self.fleet.rigs(), rules.detections)
-        given = RaysArrived(time_s=self.clock(), rays=rays, hosts_m=self.sky.hosts_m())
+        rules, now_s = self.state.rules, self._keep_time()
+        dated = self.dating.detections(detections, now_s, self.state)
+        rays = rays_of(dated, self._poses.histories, self.fleet.rigs(), rules.detections)
+        given = RaysArrived(time_s=now_s, rays=rays, hosts_m=self.sky.hosts_m())
         after, verdicts = take_rays(self.state, given)
         self._record(given)
         self.state = after
+        for each, verdict in zip(dated, verdicts, strict=True):
+            if verdict.fate is not Fate.REFUSED:
+                self.refusals.accepted(f"cameras of {each.host}")
+            elif verdict.refusal is not None and verdict.refusal.reason not in _NO_FAULT:
+                self.refusals.refused(f"cameras of {each.host}", verdict.refusal.problem, now_s)
         self._changed.set()
         return verdicts
 
-    def refuse_report(self, field: str) -> None:
-        """Count a report that was refused before it got here."""
+    def refuse_report(self, field: str, problem: str = "", *, source: str | None = None) -> None:
+        """Count a report that was refused, here or before it got here. source: whose fault it is, if it is known."""
         self.reports_refused[field] += 1
+        if source is not None:
+            self.refusals.refused(source, f"{field}: {problem}", self.clock())
+
+    def utc(self, time_s: float) -> datetime:
+        """Return mission time as the system clock has it now."""
+        return datetime.fromtimestamp(time_s + self.state.timeline.offset_s, UTC)
 
     def dismiss(self, threat_id: str) -> None:
         """Take a threat out of the picture; its sources' reports of it are refused for a while."""
@@ -310,7 +342,7 @@ class Mission:
                         await self._changed.wait()
 
     def _advance(self, tasks: asyncio.TaskGroup) -> None:
-        now_s = self.clock()
+        now_s = self._keep_time()
         self._watch_journal()
         if self.tracker_ready:
             self._age(now_s)
@@ -346,6 +378,17 @@ class Mission:
         elif self._journal_failed and not status.waiting:
             self._journal_failed = False
             self._log(None, JournalResumed(given_up=status.given_up))
+
+    def _keep_time(self) -> float:
+        """Return mission time; a system clock that has been set meanwhile is told."""
+        now_s = self.clock()
+        by_s = self.clock.offset_s - self.state.timeline.offset_s
+        if by_s != 0.0:
+            stepped = ClockStepped(time_s=now_s, by_s=by_s, offset_s=self.clock.offset_s)
+            self._take(stepped)
+            self._log(None, stepped)
+            log.warning("the system clock was set by %+.1f s; the mission's time goes on", by_s)
+        return now_s
 
     def _age(self, now_s: float) -> None:
         after, gone = prune(self.state.picture, now_s, self.state.rules.tracks)

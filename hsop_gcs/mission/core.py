@@ -18,8 +18,10 @@ from hsop_gcs.assignment import Departure, Flight, Mover
 from hsop_gcs.detections import Verdict as RayVerdict
 from hsop_gcs.detections import Watch, assimilate, let_go
 from hsop_gcs.link.events import CommandFinished, Event, OrderEvent, OrderFailed
+from hsop_gcs.mission.clock import Timeline
 from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus, progressed
 from hsop_gcs.mission.inputs import (
+    ClockStepped,
     DecisionMade,
     EntriesGivenUp,
     HostDeparted,
@@ -94,6 +96,8 @@ class MissionState:
     """All that is known and decided at one moment."""
 
     rules: Rules = field(default_factory=Rules)
+    timeline: Timeline = field(default_factory=Timeline)
+    """Where mission time has come to, and how the system clock stands to it."""
     held: bool = False
     """An operator's hold or recall took automation away, until hosts are released."""
     aside: Mapping[str, Aside] = field(default_factory=lambda: MappingProxyType({}))
@@ -132,9 +136,16 @@ class MissionState:
 
 def apply(mission: MissionState, given: Input) -> MissionState:
     """Return the mission after an input."""
+    return _applied(replace(mission, timeline=mission.timeline.at(given.time_s)), given)
+
+
+def _applied(mission: MissionState, given: Input) -> MissionState:
     match given:
         case MissionStarted():
             return _started(mission, given)
+        case ClockStepped(time_s=time_s, by_s=by_s, offset_s=offset_s):
+            timeline = mission.timeline.stepped(time_s, by_s=by_s, offset_s=offset_s)
+            return replace(mission, timeline=timeline)
         case ReportsArrived():
             return take_reports(mission, given)[0]
         case RaysArrived():
@@ -190,10 +201,11 @@ def take_reports(mission: MissionState, given: ReportsArrived) -> tuple[MissionS
         given.time_s,
         mission.rules.tracks,
         hosts_m=given.hosts_m,
-        clock=mission.rules.reports,
+        clock=mission.rules.believable,
     )
     rest = iter(verdicts)
-    return replace(mission, picture=picture), tuple(
+    timeline = mission.timeline.at(given.time_s)
+    return replace(mission, picture=picture, timeline=timeline), tuple(
         refused[index] if index in refused else next(rest) for index in range(len(given.measurements))
     )
 
@@ -217,7 +229,9 @@ def take_rays(mission: MissionState, given: RaysArrived) -> tuple[MissionState, 
         seen = {name: tracks[name] for name in unwanted if not has_left(tracks[name], given.time_s, rules)}
         wanted = {name: track for name, track in tracks.items() if name not in unwanted}
         picture, unwanted = picture._replace(tracks=MappingProxyType(wanted)), MappingProxyType(seen)
-    return replace(mission, picture=picture, unwanted=unwanted, watch=after.watch), after.verdicts
+    timeline = mission.timeline.at(given.time_s)
+    mission = replace(mission, picture=picture, unwanted=unwanted, watch=after.watch, timeline=timeline)
+    return mission, after.verdicts
 
 
 def situation(
@@ -264,6 +278,7 @@ def _started(mission: MissionState, given: MissionStarted) -> MissionState:
     return replace(
         mission,
         rules=given.rules,
+        timeline=mission.timeline.started(given.time_s, steady_s=given.steady_s, boot=given.boot),
         aside=MappingProxyType({host: aside for host, aside in mission.aside.items() if host not in lost}),
         plans=Plans(made=mission.plans.made, flying=flying),
         progress=MappingProxyType({host: taken_up(each) for host, each in mission.progress.items()}),

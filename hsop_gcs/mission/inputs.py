@@ -1,7 +1,7 @@
 """Everything that can happen to a mission, as values, and the rules that it is judged by."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from hsop_gcs.assignment import Departure
 from hsop_gcs.detections import DetectionRules, Ray, Refused
@@ -30,10 +30,15 @@ class Rules:
     dismissed_for_s: float = 300.0
     """How long the reports of a dismissed threat are refused."""
 
+    @property
+    def believable(self) -> ReportRules:
+        """How far a report's time may be from ours: of one older than a threat may be silent, nothing is left."""
+        return replace(self.reports, max_age_s=min(self.reports.max_age_s, self.tracks.timeout_s))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Input:
-    """Base of all inputs; times are seconds since the Unix epoch."""
+    """Base of all inputs; times are mission time, see ``clock``."""
 
     time_s: float
 
@@ -44,6 +49,20 @@ class MissionStarted(Input):
 
     rules: Rules
     hosts: tuple[str, ...]
+    steady_s: float | None = None
+    """The machine's steady clock, by which the next start can tell how much time has passed."""
+    boot: str | None = None
+    """The machine's run of which it is; see ``clock.Timeline``."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockStepped(Input):
+    """The system clock was set; mission time goes on as if it had not been."""
+
+    by_s: float
+    """Seconds, forward positive."""
+    offset_s: float
+    """System clock minus mission time, from now on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

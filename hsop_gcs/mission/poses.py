@@ -1,13 +1,13 @@
 """Where hosts were and how they were turned, of late: for what their cameras will say they saw then."""
 
 import asyncio
-from collections.abc import Callable
 
 from hsop_gcs.detections import PoseHistory
 from hsop_gcs.fleet import Fleet
 from hsop_gcs.geometry.frames import LocalFrame
 from hsop_gcs.link.protocol.telemetry import VehicleState
 from hsop_gcs.link.pump import Link
+from hsop_gcs.mission.clock import MissionClock
 
 _STEP_S = 0.025
 
@@ -15,7 +15,7 @@ _STEP_S = 0.025
 class Poses:
     """The histories of a fleet's hosts, by id, on the mission's clock."""
 
-    def __init__(self, fleet: Fleet, frame: LocalFrame, link: Link, clock: Callable[[], float]) -> None:
+    def __init__(self, fleet: Fleet, frame: LocalFrame, link: Link, clock: MissionClock) -> None:
         self.histories = {host.id: PoseHistory() for host in fleet.hosts}
         self._fleet = fleet
         self._frame = frame

@@ -11,6 +11,7 @@ from hsop_gcs.journal import Worth, read
 from hsop_gcs.link import events
 from hsop_gcs.link.events import Event
 from hsop_gcs.mission.inputs import (
+    ClockStepped,
     DecisionMade,
     EntriesGivenUp,
     HostDeparted,
@@ -36,6 +37,7 @@ from hsop_gcs.mission.inputs import (
 
 _PLAIN = (
     MissionStarted,
+    ClockStepped,
     ReportsArrived,
     RaysArrived,
     TimePassed,
@@ -56,7 +58,7 @@ _PLAIN = (
     EntriesGivenUp,
 )
 _RAW = (ReportsArrived, RaysArrived, TimePassed)
-_PROMISED = (MissionStarted, HostsHeld, HostsRecalled, HostsReleased, ThreatDismissed)
+_PROMISED = (MissionStarted, ClockStepped, HostsHeld, HostsRecalled, HostsReleased, ThreatDismissed)
 _ADAPTERS: dict[str, TypeAdapter[Any]] = {cls.__name__: TypeAdapter(cls) for cls in _PLAIN}
 _EVENTS: dict[str, TypeAdapter[Any]] = {
     name: TypeAdapter(cls)
