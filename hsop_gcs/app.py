@@ -49,7 +49,8 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
         if settings.service.journal is not None:
             path = Path(settings.service.journal)
             # in a thread: reading a long journal would stop the loop for seconds
-            journal, recovered = await in_thread(lambda: stack.enter_context(resumed(path)))
+            keep_bytes = settings.service.journal_keep_bytes
+            journal, recovered = await in_thread(lambda: stack.enter_context(resumed(path, keep_bytes=keep_bytes)))
             if journal.bytes_cut:
                 log.warning("journal %s: its last line was torn; %d bytes were cut off", path, journal.bytes_cut)
         tlog, rising = None, RisingClock()

@@ -58,6 +58,7 @@ from hsop_gcs.mission.poses import Poses
 from hsop_gcs.mission.records import to_record, worth_of
 from hsop_gcs.mission.refusals import Refusals
 from hsop_gcs.mission.sky import Sky
+from hsop_gcs.mission.snapshots import to_snapshot
 from hsop_gcs.mission.solver import Solver
 from hsop_gcs.mission.state import Autonomy, Plan, ready, replan_reason
 from hsop_gcs.mission.traffic import Blocked
@@ -368,9 +369,15 @@ class Mission:
                 self._solving = tasks.create_task(self._solve(asked.situation))
 
     def _watch_journal(self) -> None:
-        """Tell once that the journal cannot be written, and once that it can again."""
+        """Tell once that the journal cannot be written, and once that it can again; give it the mission when due."""
         if self.journal is None:
             return
+        if self.journal.wants_snapshot:
+            try:
+                self.journal.save(to_snapshot(self.state), time_s=self.clock())
+            except Exception:  # the mission does not depend on it: only the next start takes longer
+                self.journal.put_off_snapshot()
+                log.exception("the mission could not be saved")
         status = self.journal.status
         if status.fault is not None and not self._journal_failed:
             self._journal_failed = True

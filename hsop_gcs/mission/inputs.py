@@ -204,9 +204,10 @@ class HostSpoke(Input):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EntriesGivenUp(Input):
-    """Inputs between two times had no room, neither on the disk nor in memory: the journal does not have them."""
+    """The journal does not have inputs that stood here: neither disk nor memory had room, or they were lost."""
 
     kinds: Mapping[str, int]
-    """How many of each kind."""
+    """How many of each kind, as far as that is known."""
     from_s: float
     to_s: float
+    why: str = "no room"
