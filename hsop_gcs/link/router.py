@@ -298,7 +298,7 @@ class Router:
         if account.peer != peer and not self._registers(frame, peer):
             return
         account.take(lost, now)
-        vehicle.receive(frame.message, now, component=frame.component)
+        vehicle.receive(frame.message, now, component=frame.component, sequence=frame.sequence)
         self._moved[frame.system] = self._to_send[frame.system] = self._to_tell[frame.system] = None
 
     def _registers(self, frame: Frame, peer: Peer) -> bool:

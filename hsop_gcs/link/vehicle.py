@@ -16,6 +16,7 @@ from hsop_gcs.geometry.frames import Aim
 from hsop_gcs.link.adapters import Adapter
 from hsop_gcs.link.enums import DoRepositionFlags, MavCmd, MavComponent
 from hsop_gcs.link.events import (
+    AutopilotRestarted,
     CommandFinished,
     Event,
     LinkLost,
@@ -28,6 +29,7 @@ from hsop_gcs.link.protocol.command import INSISTENT, CommandLimits, CommandSend
 from hsop_gcs.link.protocol.gimbal import Gimbal, GimbalTolerances
 from hsop_gcs.link.protocol.heartbeat import Presence
 from hsop_gcs.link.protocol.hover import Hover, HoverLimits, HoverOrder, Phase
+from hsop_gcs.link.protocol.one_aircraft import OneAircraft
 from hsop_gcs.link.protocol.ready import why_not_ready, why_not_stopped
 from hsop_gcs.link.protocol.round_trip import RoundTrip
 from hsop_gcs.link.protocol.speaker import Speaker, is_foreign, is_taken, what_speaks
@@ -70,6 +72,7 @@ class Vehicle:
     def __init__(self, system: int, *, own: Identity = GROUND_STATION, limits: VehicleLimits | None = None) -> None:
         limits = limits or VehicleLimits()
         self.system = system
+        self._one_aircraft = OneAircraft(system)
         self._presence = Presence(system, lost_after_s=limits.lost_after_s)
         self._telemetry = Telemetry(system)
         self._commands = CommandSender(own=own, limits=limits.commands)
@@ -197,16 +200,28 @@ class Vehicle:
         )
         return min((at for at in (machine.wake_at for machine in machines) if at is not None), default=None)
 
-    def receive(self, message: Message, now: float, *, component: int = MavComponent.AUTOPILOT1) -> None:
-        """Take a message that this vehicle's ``component`` sent; a heartbeat that is not the autopilot's is counted."""
+    def receive(
+        self,
+        message: Message,
+        now: float,
+        *,
+        component: int = MavComponent.AUTOPILOT1,
+        sequence: int | None = None,
+    ) -> None:
+        """Take a message that this vehicle's ``component`` sent; a heartbeat that is not the autopilot's is counted.
+
+        sequence: of the frame that it came in.
+        """
         if self._speaker.receive(message, now, component=component):
             self._autopilot_changed(now)
         if not self._is_taken(message, component):
             return
         if component == self.state.component:
             self._presence.receive(message, now)
+            self._one_aircraft.receive(message, now, sequence=sequence)
         self._telemetry.receive(message, now, component=component)
         self._note_presence(now)
+        self._note_identity(now)
         self._commands.receive(message, now, component=component)
         self._gimbal.receive(message, now, component=component)
         self._subscriptions.lead(self._gimbal.device, now)
@@ -242,6 +257,20 @@ class Vehicle:
         self._telemetry.begin_anew(self._speaker.component)
         if self._presence.up:
             self._ask_anew(now)
+
+    def _note_identity(self, now: float) -> None:
+        """Give up what was ordered of an autopilot that restarted, or of one that is two."""
+        self._telemetry.note_conflict(self._one_aircraft.problem(now))
+        for event in self._one_aircraft.take_events():
+            self._events.append(event)
+            restarted = isinstance(event, AutopilotRestarted)
+            reason = "the autopilot restarted" if restarted else self._telemetry.state.conflict or ""
+            for machine in (self._hover, self._take_off):
+                machine.give_up(reason, now)
+            if restarted:
+                self._telemetry.begin_anew(self.state.component)
+                if self._presence.up:
+                    self._ask_anew(now)
 
     def _ask_anew(self, now: float) -> None:
         """Ask for all that a new autopilot, or one that restarted, does not know that it was asked for."""
@@ -319,7 +348,7 @@ class Vehicle:
 
     def _collect(self, now: float) -> None:
         self._settle(now)
-        for machine in (self._telemetry, self._take_off, self._hover, self._gimbal):
+        for machine in (self._telemetry, self._take_off, self._hover, self._gimbal, self._subscriptions):
             self._events += machine.take_events()
         if self._hover.order is None and self._gimbal.aim is not None:
             self._gimbal.stop(now)

@@ -17,6 +17,10 @@ def heard(state: VehicleState, _now: float) -> str | None:
     return None if state.link_up else "no link to the vehicle"
 
 
+def alone(state: VehicleState, _now: float) -> str | None:
+    return state.conflict
+
+
 def spoken_to(state: VehicleState, _now: float) -> str | None:
     if state.autopilot in ("px4", "ardupilot"):
         return None
@@ -77,6 +81,7 @@ def home_known(state: VehicleState, _now: float) -> str | None:
 
 GATES: dict[str, Gate] = {
     "link": heard,
+    "one aircraft": alone,
     "autopilot": spoken_to,
     "vehicle type": never_flown,
     "hovers": hovers,

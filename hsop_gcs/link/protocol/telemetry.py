@@ -100,6 +100,8 @@ class VehicleState:
     satellites: int | None = None
     estimator_healthy: bool | None = None
     """Whether the autopilot's estimator stands by its absolute position and altitude."""
+    conflict: str | None = None
+    """What shows that two aircraft speak under its id, for a person."""
     texts: tuple[StatusLine, ...] = ()
     """The last few lines, newest last."""
 
@@ -155,16 +157,29 @@ class Telemetry:
             self._autopilot(message, now)
 
     def begin_anew(self, component: int) -> None:
-        """Forget what was known of the vehicle: from now on another autopilot speaks, or the same after a restart."""
+        """Forget what was known of the vehicle: from now on another autopilot speaks, or the same after a restart.
+
+        What the same one is, a restart does not change: it can be held before its next heartbeat.
+        """
         before = self.state
-        self.state = VehicleState(
+        after = VehicleState(
             system=before.system,
             component=component,
             link_up=before.link_up,
             last_heard_s=before.last_heard_s,
             texts=before.texts,
         )
-        self.adapter = None
+        if component == before.component:
+            after = after.evolve(
+                autopilot=before.autopilot,
+                type=before.type,
+                armed=before.armed,
+                custom_mode=before.custom_mode,
+                mode=before.mode,
+            )
+        else:
+            self.adapter = None
+        self.state = after
         self._batteries.forget()
         self._clock = SenderClock()
         self.lead(None)
@@ -182,6 +197,11 @@ class Telemetry:
         """Return what happened, once."""
         events, self._events = self._events, []
         return events
+
+    def note_conflict(self, problem: str | None) -> None:
+        """Take over what shows that two aircraft speak under the vehicle's id."""
+        if problem != self.state.conflict:
+            self.state = self.state.evolve(conflict=problem)
 
     def presence(self, *, up: bool, heard_s: float | None) -> None:
         """Take over what is known of the link itself."""
