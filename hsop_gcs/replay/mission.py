@@ -17,7 +17,6 @@ from hsop_gcs.mission.pipeline import decide
 from hsop_gcs.mission.planning import Decision, PlanningRules, Situation
 from hsop_gcs.mission.records import read_inputs, to_record
 from hsop_gcs.mission.recovery import Fold
-from hsop_gcs.mission.snapshots import MissionSaved, to_snapshot
 from hsop_gcs.placement.solution import Status
 from hsop_gcs.workers import workers
 
@@ -44,7 +43,7 @@ class Outcome:
     detections: int
     decisions: int
     given_up: int
-    """Entries that the journal does not have: neither disk nor memory had room, or a segment is gone."""
+    """Entries that the journal does not have, for neither disk nor memory had room."""
     recorded_s: float
     replayed_in_s: float
     differences: tuple[Difference, ...]
@@ -67,15 +66,12 @@ def replay(
     began = now()
     differences: list[Difference] = []
     checks: list[tuple[int, DecisionMade, Future[Decision]]] = []
-    fold, first, last, missing, reports, detections, first_s, last_s = Fold(), 0, 0, 0, 0, 0, None, 0.0
+    fold, entries, reports, detections, first_s, last_s = Fold(), 0, 0, 0, None, 0.0
     with workers(jobs) as pool:
         for number, given in read_inputs(path):
             first_s = given.time_s if first_s is None else first_s
-            first = first or number
-            if isinstance(given, MissionSaved) and last and number > last + 1:
-                # a segment that is not there any more: what is saved here goes on from it
-                fold.exact, missing = False, missing + number - last - 1
-            last_s, last, state = given.time_s, number, fold.state
+            last_s, entries = given.time_s, number
+            state = fold.state
             inside = fold.exact and from_s <= given.time_s - first_s <= to_s
             if isinstance(given, SolverAsked) and inside:
                 differences += _situation_differences(number, given, state)
@@ -86,18 +82,16 @@ def replay(
                 reports += len(given.measurements)
             elif isinstance(given, RaysArrived):
                 detections += len(given.rays)
-            elif isinstance(given, MissionSaved) and fold.begun and fold.exact:
-                differences += _state_differences(number, given, state)
             fold.take(given)
             progress(number)
         for number, recorded, decided in checks:
             differences += _decision_differences(number, recorded, decided.result())
     return Outcome(
-        entries=last - first + (first > 0),
+        entries=entries,
         reports=reports,
         detections=detections,
         decisions=len(checks),
-        given_up=fold.given_up + missing,
+        given_up=fold.given_up,
         recorded_s=last_s - (first_s or 0.0),
         replayed_in_s=now() - began,
         differences=tuple(sorted(differences, key=lambda each: each.entry)),
@@ -113,14 +107,6 @@ def _situation_differences(number: int, given: SolverAsked, state: MissionState)
     asked = given.situation
     again = situation(state, asked.movers, asked.now_s, standing=asked.standing)
     yield from _differences(number, given, "situation", given.situation, again)
-
-
-def _state_differences(number: int, given: MissionSaved, state: MissionState) -> Iterator[Difference]:
-    """Whether the mission has come to what the recorded one was saved as."""
-    if state == given.state:
-        return
-    for path, left, right in _leaves("state", to_snapshot(given.state), to_snapshot(state)):
-        yield Difference(entry=number, time_s=given.time_s, what=path, recorded=left, replayed=right)
 
 
 def _decision_differences(number: int, given: DecisionMade, again: Decision) -> Iterator[Difference]:

@@ -242,7 +242,7 @@ class Gimbal:
 
     @property
     def _autopilot(self) -> int:
-        return self._telemetry.state.component
+        return MavComponent.AUTOPILOT1
 
     @property
     def _candidates(self) -> tuple[int, ...]:
