@@ -13,24 +13,28 @@ from pathlib import Path
 import uvicorn
 
 from hsop_gcs.api import create_api
+from hsop_gcs.api.front import Front
 from hsop_gcs.api.placements import WhatIf
+from hsop_gcs.clocks import Clock, RisingClock, boot_id, steady_s
 from hsop_gcs.errors import Unavailable
 from hsop_gcs.geometry import triangulation
 from hsop_gcs.link.codec import message_ids
-from hsop_gcs.link.faults import describe
 from hsop_gcs.link.guest_port import GuestPort
 from hsop_gcs.link.key_files import TimestampFile, read_key
 from hsop_gcs.link.pump import Link
 from hsop_gcs.link.signing import Signing, SigningClock
 from hsop_gcs.link.tlog import TlogWriter, create_tlog
+from hsop_gcs.mission.clock import MissionClock
 from hsop_gcs.mission.controller import Mission
 from hsop_gcs.mission.recovery import resumed
 from hsop_gcs.mission.solver import Solver
 from hsop_gcs.settings import Settings
 from hsop_gcs.tracks import track_kernels
+from hsop_gcs.workers import in_thread, stop_on_signals
 
 _WATCHDOG_S = 3.0
 """A mission that has not moved for so long is dead: our heartbeat stops, and the vehicles' own failsafes act."""
+_LONGEST_STOP_S = 20.0
 
 log = logging.getLogger(__name__)
 
@@ -40,20 +44,19 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
     """Open journal, link and solver and keep the mission moving; everything is closed on the way out."""
     fleet = settings.to_fleet()
     async with AsyncExitStack() as stack:
+        solver = await stack.enter_async_context(Solver())
         journal, recovered = None, None
         if settings.service.journal is not None:
             path = Path(settings.service.journal)
-            journal, recovered = stack.enter_context(resumed(path))
+            # in a thread: reading a long journal would stop the loop for seconds
+            keep_bytes = settings.service.journal_keep_bytes
+            journal, recovered = await in_thread(lambda: stack.enter_context(resumed(path, keep_bytes=keep_bytes)))
             if journal.bytes_cut:
                 log.warning("journal %s: its last line was torn; %d bytes were cut off", path, journal.bytes_cut)
-        solver = await stack.enter_async_context(Solver())
-        # before the loop has anything to do: compiling would stop it for seconds
-        track_kernels.warm_up()
-        triangulation.warm_up()
-        tlog = None
+        tlog, rising = None, RisingClock()
         if settings.service.tlog is not None:
-            tlog = TlogWriter(stack.enter_context(create_tlog(Path(settings.service.tlog), time.time())))
-        link = await stack.enter_async_context(link_of(settings, tlog=tlog, watchdog_s=_WATCHDOG_S))
+            tlog = TlogWriter(stack.enter_context(create_tlog(Path(settings.service.tlog), rising())))
+        link = await stack.enter_async_context(link_of(settings, tlog=tlog, watchdog_s=_WATCHDOG_S, rising=rising))
         for host in settings.hosts:
             if host.mavsdk_port is not None:
                 await stack.enter_async_context(GuestPort(link, host.system_id, host.mavsdk_port))
@@ -62,68 +65,57 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
             site=settings.to_site(),
             link=link,
             solver=solver,
-            clock=time.time,
+            clock=MissionClock(time.time, steady_s, before=recovered.timeline if recovered else None, boot=boot_id()),
             rules=settings.to_rules(),
             recovered=recovered,
             journal=journal,
             tlog=tlog,
+            tracker_ready=False,
         )
-        async with _moving(mission):
+        runner = asyncio.create_task(mission.run())
+        try:
             yield mission
+        finally:
+            runner.cancel()
+            await asyncio.gather(runner, return_exceptions=True)
 
 
-@asynccontextmanager
-async def _moving(mission: Mission) -> AsyncIterator[None]:
-    """Keep the mission moving. Raises Unavailable as soon as it or its link ends by itself: then nothing is served."""
-    served = asyncio.current_task()
-    failed: list[BaseException] = []
-
-    def note(task: asyncio.Task[None]) -> None:
-        error = None if task.cancelled() else task.exception()
-        if error is not None:
-            log.critical("the service ends", exc_info=error)
-            failed.append(error)
-            if served is not None:
-                served.cancel()
-
-    tasks = [asyncio.create_task(mission.run()), asyncio.create_task(mission.link.wait_ended())]
-    for task in tasks:
-        task.add_done_callback(note)
-    try:
-        yield
-    except asyncio.CancelledError:
-        if not failed or served is None:
-            raise
-        served.uncancel()
-        raise Unavailable(f"the service has ended: {describe(failed[0])}") from failed[0]
-    finally:
-        for task in tasks:
-            task.remove_done_callback(note)
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+async def load_tracker(mission: Mission) -> None:
+    """Load the tracker's kernels, or compile them the first time on a machine; from then on reports are taken."""
+    await in_thread(track_kernels.warm_up)
+    await in_thread(triangulation.warm_up)
+    mission.tracker_ready = True
 
 
-def link_of(settings: Settings, *, tlog: TlogWriter | None = None, watchdog_s: float | None = None) -> Link:
-    """Return the link to the fleet, not open yet."""
+def link_of(
+    settings: Settings,
+    *,
+    tlog: TlogWriter | None = None,
+    watchdog_s: float | None = None,
+    rising: Clock | None = None,
+) -> Link:
+    """Return the link to the fleet, not open yet. rising: UTC that never goes back, for stamps."""
+    rising = rising or RisingClock()
     connections = {host.system_id: host.connection for host in settings.hosts}
     return Link(
         sorted(set(connections.values())),
         connections,
         connections=connections,
-        signing=_signing(settings),
-        on_frame=_recorder(tlog),
+        clock=steady_s,
+        signing=_signing(settings, rising),
+        on_frame=_recorder(tlog, rising),
         watchdog_s=watchdog_s,
     )
 
 
-def _signing(settings: Settings) -> dict[str, Signing]:
+def _signing(settings: Settings, rising: Clock) -> dict[str, Signing]:
     """Return how each signed connection signs. Raises Unavailable if timestamps could not be kept over a restart."""
     files, wanted = settings.key_files(), settings.signing
     if not files:
         return {}
     kept = wanted.timestamp_file or f"{next(iter(files.values()))}.timestamp"
     store = TimestampFile(Path(kept))
-    clock = SigningClock(time.time, saved=store.load(), save=store.save)
+    clock = SigningClock(time.time, rising=rising, saved=store.load(), save=store.save)
     clock.next()
     if clock.problem is not None:
         raise Unavailable(f"{clock.problem}: {kept}")
@@ -136,8 +128,8 @@ def _signing(settings: Settings) -> dict[str, Signing]:
     }
 
 
-def _recorder(tlog: TlogWriter | None) -> Callable[[bytes], None] | None:
-    return None if tlog is None else lambda raw: tlog.write(time.time(), raw)
+def _recorder(tlog: TlogWriter | None, rising: Clock) -> Callable[[bytes], None] | None:
+    return None if tlog is None else lambda raw: tlog.write(rising(), raw)
 
 
 class _Server(uvicorn.Server):
@@ -150,33 +142,44 @@ class _Server(uvicorn.Server):
 
 @asynccontextmanager
 async def running_service(settings: Settings) -> AsyncIterator[str]:
-    """Run mission and API; yields the API's base address. Raises Unavailable if its port cannot be had."""
+    """Run mission and API; yields the API's base address once reports are taken. Raises Unavailable if its port cannot
+    be had. The port answers from the beginning, and tells what is awaited.
+    """
+    front = Front()
     with _listen(settings.service.host, settings.service.port) as listening:
-        async with running_mission(settings) as mission, WhatIf() as what_if:
-            api = create_api(mission, what_if, max_body_bytes=settings.service.max_body_bytes)
-            config = uvicorn.Config(
-                api,
-                log_level="warning",
-                access_log=False,
-                proxy_headers=False,
-                lifespan="off",
-                timeout_graceful_shutdown=2,
-            )
-            server = _Server(config)
-            serving = asyncio.create_task(server.serve(sockets=[listening]))
-            try:
-                host, port = listening.getsockname()[:2]
-                yield f"http://{host}:{port}"
-            finally:
-                server.should_exit = True
-                await serving
+        host, port = listening.getsockname()[:2]
+        address = f"http://{host}:{port}"
+        async with _answering(front, listening), running_mission(settings) as mission, WhatIf() as what_if:
+            front.open(create_api(mission, what_if, max_body_bytes=settings.service.max_body_bytes))
+            await load_tracker(mission)
+            yield address
+
+
+@asynccontextmanager
+async def _answering(front: Front, listening: socket.socket) -> AsyncIterator[None]:
+    config = uvicorn.Config(
+        front,
+        log_level="warning",
+        access_log=False,
+        proxy_headers=False,
+        lifespan="off",
+        timeout_graceful_shutdown=2,
+    )
+    server = _Server(config)
+    serving = asyncio.create_task(server.serve(sockets=[listening]))
+    try:
+        yield
+    finally:
+        server.should_exit = True
+        await serving
 
 
 async def serve(settings: Settings, on_ready: Callable[[str], None]) -> None:
     """Serve until SIGINT or SIGTERM; ``on_ready`` is given the base address."""
     stop = asyncio.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        asyncio.get_running_loop().add_signal_handler(number, stop.set)
+    loop = asyncio.get_running_loop()
+    stop_on_signals(stop.set, patience_s=_LONGEST_STOP_S)
+    loop.add_signal_handler(signal.SIGHUP, log.warning, "SIGHUP: the settings are read at the start only; still flying")
     async with running_service(settings) as address:
         # what is there now stays to the end: no collection of garbage needs to go through it again
         gc.collect()

@@ -1,13 +1,17 @@
-"""Worker processes that end with this one, however this one ends."""
+"""Worker processes and threads that end with this process, however it ends."""
 
+import asyncio
 import os
 import signal
 import threading
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from contextlib import contextmanager, suppress
 from multiprocessing import parent_process, resource_tracker
 from multiprocessing.context import SpawnContext, SpawnProcess
+from typing import TypeVar
+
+T = TypeVar("T")
 
 
 @contextmanager
@@ -62,6 +66,48 @@ def ended(pool: ProcessPoolExecutor) -> bool:
     """Return whether a process of a pool that was asked something has ended by itself."""
     processes = pool._processes
     return processes is None or any(not process.is_alive() for process in list(processes.values()))
+
+
+async def in_thread(function: Callable[[], T]) -> T:
+    """Return what a function returns that takes long, and raise what it raises; the event loop goes on meanwhile.
+
+    Unlike asyncio's own, the thread keeps no process from ending.
+    """
+    loop, done = asyncio.get_running_loop(), asyncio.Event()
+    outcome: Future[T] = Future()
+
+    def run() -> None:
+        try:
+            outcome.set_result(function())
+        except BaseException as error:  # noqa: BLE001 - it is raised where the function was asked for
+            outcome.set_exception(error)
+        with suppress(RuntimeError):  # the loop may have been closed
+            loop.call_soon_threadsafe(done.set)
+
+    threading.Thread(target=run, daemon=True).start()
+    await done.wait()
+    return outcome.result()
+
+
+def stop_on_signals(stop: Callable[[], object], *, patience_s: float) -> None:
+    """Call ``stop`` in the running event loop at SIGINT or SIGTERM, and end the process if it is there after a while.
+
+    Not the loop's own signal handlers: these wait for whatever the loop is busy with.
+    """
+    loop = asyncio.get_running_loop()
+
+    def give_up() -> None:
+        os.write(2, f"hsop-gcs: still busy {patience_s:g} s after a signal to stop; ended\n".encode())
+        os._exit(1)
+
+    def on_signal(*_: object) -> None:
+        timer = threading.Timer(patience_s, give_up)
+        timer.daemon = True
+        timer.start()
+        loop.call_soon_threadsafe(stop)
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, on_signal)
 
 
 def end_with_parent() -> None:

@@ -6,7 +6,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from hsop_gcs.api.problems import faults_of
-from hsop_gcs.api.schemas import FieldFault, ReportIn, ReportResult, ReportResults
+from hsop_gcs.api.schemas import LONGEST_NAME, FieldFault, ReportIn, ReportResult, ReportResults
 from hsop_gcs.errors import BadInput
 from hsop_gcs.mission.controller import Mission
 from hsop_gcs.reports import Report, ReportRules, Site, locate
@@ -53,11 +53,17 @@ def _read(index: int, raw: Any, mission: Mission) -> Report | ReportResult:
         return to_report(ReportIn.model_validate(raw), mission.site, mission.state.rules.reports)
     except ValidationError as error:
         faults = faults_of(error.errors())
-        mission.refuse_report(faults[0]["field"])
+        mission.refuse_report(**faults[0], source=_source(raw))
         return ReportResult(index=index, status="rejected", errors=[FieldFault(**fault) for fault in faults])
     except BadInput as error:
-        mission.refuse_report(error.field)
+        mission.refuse_report(error.field, error.problem, source=_source(raw))
         return _rejected(index, error)
+
+
+def _source(raw: Any) -> str | None:
+    """Return who sent a report that is refused, if it can be told."""
+    name = raw.get("source") if isinstance(raw, dict) else None
+    return name if isinstance(name, str) and 0 < len(name) <= LONGEST_NAME and name.isprintable() else None
 
 
 def _result(index: int, verdict: Verdict) -> ReportResult:

@@ -8,6 +8,7 @@ from starlette.middleware.body_limit import RequestBodyLimitMiddleware
 
 from hsop_gcs.api import detections, intake, placements, views
 from hsop_gcs.api.examples import ANSWERS
+from hsop_gcs.api.front import readiness
 from hsop_gcs.api.problems import MEDIA_TYPE, PlainErrorsAsProblems, install, problem
 from hsop_gcs.api.schemas import (
     ApprovalIn,
@@ -17,6 +18,8 @@ from hsop_gcs.api.schemas import (
     HostsIn,
     HostsOut,
     PlansOut,
+    ReadyOut,
+    RecalledOut,
     RegisterIn,
     ReportIn,
     ReportResults,
@@ -133,9 +136,10 @@ def _routes(mission: Mission) -> APIRouter:
         return HostsOut(hosts=mission.hold(wanted.hosts))
 
     @router.post("/hosts/recall", operation_id="recall", responses=_problems(404, 422))
-    async def recall(wanted: HostsIn) -> HostsOut:
+    async def recall(wanted: HostsIn) -> RecalledOut:
         """Send hosts home to land; they stay out of plans until released, and no plan flies without approval."""
-        return HostsOut(hosts=mission.recall(wanted.hosts))
+        recalled = mission.recall(wanted.hosts)
+        return RecalledOut(hosts=recalled, on_the_ground=mission.on_the_ground(recalled))
 
     @router.post("/hosts/release", operation_id="release", responses=_problems(404, 422))
     async def release(wanted: HostsIn) -> HostsOut:
@@ -150,7 +154,12 @@ def _routes(mission: Mission) -> APIRouter:
     @router.get("/events", operation_id="getEvents", responses=_problems(422))
     async def get_events(after: Annotated[int, Query(ge=0)] = 0) -> list[EventOut]:
         """What happened to hosts and orders, oldest first: the newest 500 with a number above ``after``."""
-        return [views.event_out(event) for event in mission.events if event.number > after]
+        return [views.event_out(event, mission) for event in mission.events if event.number > after]
+
+    @router.get("/ready", operation_id="getReady", responses={503: {"model": ReadyOut}}, response_model=ReadyOut)
+    async def get_ready() -> Response:
+        """Whether reports are taken and plans are made: 200, or 503 with what is still awaited."""
+        return readiness(mission.awaited)
 
     @router.get("/health", operation_id="getHealth")
     async def get_health() -> HealthOut:

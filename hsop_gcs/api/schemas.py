@@ -28,7 +28,8 @@ def _printable(text: str) -> str:
     return text
 
 
-Name = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_printable)]
+LONGEST_NAME = 64
+Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_printable)]
 
 
 class _Request(BaseModel):
@@ -184,8 +185,10 @@ class HostLinkOut(BaseModel):
     """Acknowledgements that no command was waiting for."""
     withheld: dict[str, int]
     """What other programs wanted to send to it over our link (``mavsdk_port``) and may not."""
-    faults: int
-    """How often the service's own code has failed at a message of the host; its order was given up each time."""
+    not_taken: dict[str, int]
+    """Messages under its system id that are not listened to, by the kind of component that sent them."""
+    other_autopilots: list[int]
+    """Components that speak as a second autopilot under its system id, and are not listened to."""
     foreign_heartbeats: int
     """Under its autopilot's ids and not the autopilot's: of a companion computer, a camera, a tracker. Left out."""
 
@@ -208,6 +211,10 @@ class HostOut(BaseModel):
     heard_s_ago: float | None
     link: HostLinkOut
     autopilot: str | None
+    vehicle_type: str | None
+    """What kind of vehicle the autopilot says it is; only multicopters are flown."""
+    component: int
+    """The autopilot's component id."""
     firmware: str | None
     armed: bool | None
     in_air: bool | None
@@ -219,6 +226,8 @@ class HostOut(BaseModel):
     battery_percent: float | None
     last_text: str | None
     order: OrderOut | None
+    take_off: str | None
+    """How an ordered take-off stands, or why the last one failed; null once it is done or another order came."""
     pending: PendingOut | None
     """A hold or recall that the host has not confirmed; it is ordered again whenever the host is heard."""
 
@@ -253,6 +262,14 @@ class PlansOut(BaseModel):
     proposed: PlanOut | None
     flying: PlanOut | None
     failed: PlanOut | None
+    awaited: dict[str, str]
+    """What the next plan waits for, each with the reason; empty while plans are made."""
+
+
+class ReadyOut(BaseModel):
+    ready: bool
+    awaited: dict[str, str]
+    """What is awaited, each with the reason: mission, kernels, planner, links."""
 
 
 class ApprovalIn(_Request):
@@ -286,7 +303,7 @@ class EventOut(BaseModel):
     number: int
     time: datetime
     host: str | None
-    """None: it happened to the mission."""
+    """None: it happened to the mission, such as ClockStepped."""
     kind: str
     """Such as LinkLost, OrderFailed, OnStation, StatusTextReceived."""
     details: dict[str, Any]
@@ -294,6 +311,11 @@ class EventOut(BaseModel):
 
 class HostsOut(BaseModel):
     hosts: list[str]
+
+
+class RecalledOut(HostsOut):
+    on_the_ground: list[str]
+    """Recalled hosts that stand on the ground: nothing is sent to them, and a take-off under way is given up."""
 
 
 class SourceCounts(BaseModel):
@@ -331,6 +353,8 @@ class DetectionCounts(BaseModel):
 class PlanningHealth(BaseModel):
     ready: bool
     """False while the planner's kernels are loaded or, the first time on a machine, compiled."""
+    restarts: int
+    """How often the planner's process ended by itself, or hung, and was started again."""
     plans_made: int
     last_solve_s: float | None
     fault: str | None
@@ -364,8 +388,6 @@ class LinkHealth(BaseModel):
     refused: int
     signature_refused: dict[str, int]
     peers_turned_away: int
-    faults: int
-    """How often the service's own code has failed at a frame or a vehicle, which then waited for the next frame."""
     dropped_datagrams: int
     send_errors: int
     strangers: list[str]

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping
 from dataclasses import asdict
-from datetime import UTC, datetime
 
 import numpy as np
 
@@ -38,16 +37,15 @@ from hsop_gcs.link.protocol.gimbal import separation_deg
 from hsop_gcs.link.pump import Link
 from hsop_gcs.link.vehicle import Progress
 from hsop_gcs.mission.controller import LoggedEvent, Mission
-from hsop_gcs.mission.core import Pending
 from hsop_gcs.mission.dispatch import OrderProgress
 from hsop_gcs.mission.gates import Aircraft, Closed
 from hsop_gcs.mission.state import Plan
 from hsop_gcs.placement.scenario import plan_to_json
 from hsop_gcs.tracks import Track
 
-
-def utc(time_s: float) -> datetime:
-    return datetime.fromtimestamp(time_s, UTC)
+_HEARD_S = 30.0
+"""A source that has said nothing for so long is no problem of now."""
+_MOST_CLOCK_PROBLEMS = 9
 
 
 def threat_out(track: Track, mission: Mission) -> ThreatOut:
@@ -57,7 +55,7 @@ def threat_out(track: Track, mission: Mission) -> ThreatOut:
         source_threat_id=track.source_threat_id,
         sources=[SourceIdOut(source=each.source, threat_id=each.threat_id) for each in track.sources],
         status=track.status,
-        time=utc(track.time_s),
+        time=mission.utc(track.time_s),
         position=_position(mission.site.frame.to_geodetic(np.array(track.position_m))),
         position_enu_m=track.position_m,
         velocity_enu_mps=track.velocity_mps,
@@ -87,6 +85,8 @@ def _host(host: Host, mission: Mission, aircraft: Aircraft, closed: Closed | Non
         heard_s_ago=None if state.last_heard_s is None else mission.link.now() - state.last_heard_s,
         link=HostLinkOut.model_validate(mission.link.vehicle_link(host.system_id), from_attributes=True),
         autopilot=state.autopilot,
+        vehicle_type=state.vehicle_type,
+        component=state.component,
         firmware=state.firmware,
         armed=state.armed,
         in_air=state.in_air,
@@ -98,26 +98,28 @@ def _host(host: Host, mission: Mission, aircraft: Aircraft, closed: Closed | Non
         battery_percent=state.battery_percent,
         last_text=state.texts[-1].text if state.texts else None,
         order=None if progress is None else _order(host, progress, mission),
-        pending=_pending(mission.state.pending.get(host.id), aircraft, closed),
+        take_off=mission.vehicle(host).take_off_status,
+        pending=_pending(host, mission, aircraft, closed),
     )
 
 
-def _pending(pending: Pending | None, aircraft: Aircraft, closed: Closed | None) -> PendingOut | None:
+def _pending(host: Host, mission: Mission, aircraft: Aircraft, closed: Closed | None) -> PendingOut | None:
+    pending = mission.state.pending.get(host.id)
     if pending is None:
         return None
     return PendingOut(
         command=pending.wish,
-        since=utc(pending.since_s),
+        since=mission.utc(pending.since_s),
         by_operator=pending.by_operator,
         why="ordered, not confirmed yet" if closed is None or aircraft.flies_for_us else closed.reason,
     )
 
 
-def event_out(logged: LoggedEvent) -> EventOut:
+def event_out(logged: LoggedEvent, mission: Mission) -> EventOut:
     details = {name: value for name, value in asdict(logged.event).items() if name not in ("system", "host", "time_s")}
     return EventOut(
         number=logged.number,
-        time=utc(logged.time_s),
+        time=mission.utc(logged.time_s),
         host=logged.host,
         kind=type(logged.event).__name__,
         details=details,
@@ -131,6 +133,7 @@ def plans_out(mission: Mission) -> PlansOut:
         proposed=_plan(state.proposed, mission),
         flying=_plan(state.flying, mission),
         failed=_plan(state.failed, mission),
+        awaited=mission.awaited,
     )
 
 
@@ -142,7 +145,7 @@ def health_out(mission: Mission, started_at_s: float) -> HealthOut:
     return HealthOut(
         status="degraded" if problems else "ok",
         problems=problems,
-        time=utc(mission.clock()),
+        time=mission.utc(mission.clock()),
         uptime_s=mission.clock() - started_at_s,
         autonomy=mission.state.autonomy,
         threats=len(mission.state.picture.tracks),
@@ -152,6 +155,7 @@ def health_out(mission: Mission, started_at_s: float) -> HealthOut:
         detections=DetectionCounts.model_validate(mission.state.watch.counts, from_attributes=True),
         planning=PlanningHealth(
             ready=mission.planner_ready,
+            restarts=mission.planner_restarts,
             plans_made=mission.state.plans.made,
             last_solve_s=None if newest is None else newest.decision.placement.solve_time_s,
             fault=mission.solver_fault,
@@ -165,20 +169,21 @@ def health_out(mission: Mission, started_at_s: float) -> HealthOut:
 def _problems(mission: Mission, unavailable: Mapping[str, Closed]) -> list[str]:
     """What does not work now, for a person."""
     problems = [f"host {host_id}: {closed.reason}" for host_id, closed in unavailable.items()]
+    problems += _clock_problems(mission)
+    problems += mission.refusals.problems(mission.clock())
     if not mission.link.running:
         problems.append("link: the pump has stopped")
     problems += [f"link: {problem}" for problem in mission.link.problems]
-    if mission.fault is not None:
-        problems.append(f"mission: nothing is supervised, and our heartbeat is withheld: {mission.fault}")
-    if mission.planning_fault is not None:
-        problems.append(f"mission: no plans are asked for: {mission.planning_fault}")
-    if mission.events_failed:
-        problems.append(f"mission: it failed at {mission.events_failed} events of hosts; see the log")
-    problems += [f"host {host}: its poses are not kept: {fault}" for host, fault in mission.pose_faults.items()]
     for host in mission.fleet.hosts:
         link = mission.link.vehicle_link(host.system_id)
         if link.claimants:
             problems.append(f"host {host.id}: refused at {', '.join(link.claimants)}, where it is not registered")
+        if link.not_taken and not mission.vehicle(host).state.link_up:
+            heard = ", ".join(f"{count} of its {what}" for what, count in link.not_taken.items())
+            problems.append(f"host {host.id}: no autopilot's heartbeat is heard, but other frames are: {heard}")
+        if link.other_autopilots:
+            others = ", ".join(str(component) for component in link.other_autopilots)
+            problems.append(f"host {host.id}: a second autopilot speaks under its system id, as component {others}")
         if link.signature_refused and not mission.vehicle(host).state.link_up:
             refused = ", ".join(f"{count} {what}" for what, count in link.signature_refused.items())
             problems.append(f"host {host.id}: frames refused by signature: {refused}")
@@ -186,6 +191,7 @@ def _problems(mission: Mission, unavailable: Mapping[str, Closed]) -> list[str]:
         problems.append(f"journal: {fault}")
     if mission.tlog is not None and mission.tlog.fault is not None:
         problems.append(f"telemetry log: {mission.tlog.fault}")
+    problems += [f"awaited: {reason}" for reason in mission.awaited.values()]
     if mission.solver_fault is not None:
         problems.append(f"planning: {mission.solver_fault}")
     if mission.state.plans.failed is not None:
@@ -196,11 +202,24 @@ def _problems(mission: Mission, unavailable: Mapping[str, Closed]) -> list[str]:
     return problems
 
 
+def _clock_problems(mission: Mission) -> list[str]:
+    timeline, now_s = mission.state.timeline, mission.clock()
+    stepped = timeline.problem(now_s)
+    problems = [] if stepped is None else [stepped]
+    for name, offset_s in mission.dating.elsewhere.items():
+        watch, by_s = mission.state.picture.sources.get(name), offset_s - timeline.offset_s
+        if watch is not None and now_s - watch.last_heard_s <= _HEARD_S:
+            side = "ahead of" if by_s > 0 else "behind"
+            problems.append(f"source {name!r}: its clock is {abs(by_s):.1f} s {side} the system clock that was set")
+    return problems[:_MOST_CLOCK_PROBLEMS]
+
+
 def _journal(journal: Journal) -> JournalHealth:
     return JournalHealth(file=str(journal.path), bytes_cut=journal.bytes_cut, **asdict(journal.status))
 
 
 def _reports(mission: Mission) -> ReportCounts:
+    ours_s = mission.state.timeline.offset_s
     return ReportCounts(
         accepted=mission.reports_accepted,
         refused_by_field=dict(mission.reports_refused),
@@ -209,9 +228,9 @@ def _reports(mission: Mission) -> ReportCounts:
                 accepted=watch.accepted,
                 out_of_order=watch.out_of_order,
                 refused={str(kind): count for kind, count in watch.refused.items()},
-                clock_offset_s=watch.clock_offset_s,
+                clock_offset_s=watch.clock_offset_s + mission.dating.elsewhere.get(name, ours_s) - ours_s,
                 clock_samples=watch.clock_samples,
-                last_heard=utc(watch.last_heard_s),
+                last_heard=mission.utc(watch.last_heard_s),
             )
             for name, watch in mission.state.picture.sources.items()
         },
@@ -233,9 +252,9 @@ def _plan(plan: Plan | None, mission: Mission) -> PlanOut | None:
     decision = plan.decision
     return PlanOut(
         id=plan.id,
-        made_at=utc(plan.made_at_s),
-        window_start=utc(decision.window_start_s),
-        expires_at=utc(plan.expires_at_s),
+        made_at=mission.utc(plan.made_at_s),
+        window_start=mission.utc(decision.window_start_s),
+        expires_at=mission.utc(plan.expires_at_s),
         trigger=plan.trigger,
         reason=decision.reason,
         left_out=dict(decision.left_out),

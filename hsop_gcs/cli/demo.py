@@ -26,7 +26,7 @@ def register(app: typer.Typer) -> None:
             raise BadInput("--autopilot", f"{autopilot!r} is not 'px4' or 'ardupilot'")
         try:
             outcome = asyncio.run(run_demo(autopilot))
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, asyncio.CancelledError):
             typer.echo("hsop-gcs: stopped", err=True)
             raise SystemExit(130) from None
         if as_json:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _EVERY_S = 1.0
 _LISTEN_S = 3.0
 """So long a single look at the links takes: heartbeats come once a second."""
-_OF_THE_VEHICLE = ("autopilot", "firmware", "link_up", "battery_percent", "mode", "armed", "in_air")
+_OF_THE_VEHICLE = ("autopilot", "vehicle_type", "firmware", "link_up", "battery_percent", "mode", "armed", "in_air")
 _OF_ITS_LINK = ("rate_hz", "loss", "round_trip_ms")
 """What a row shows of either, under the names that the service's answer has, too."""
 
@@ -30,6 +30,7 @@ class Row:
     host: str | None
     system_id: int
     autopilot: str | None = None
+    vehicle_type: str | None = None
     firmware: str | None = None
     link_up: bool = False
     rate_hz: float = 0.0

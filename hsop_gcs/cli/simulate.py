@@ -170,6 +170,7 @@ def register(app: typer.Typer) -> None:
         fleet = SimulatedFleet(config, clock=time.monotonic)
         lookout = None
         if truth is not None and detections_to is not None:
+            from hsop_gcs.clocks import RisingClock
             from hsop_gcs.geometry.frames import LocalFrame
             from hsop_gcs.settings import read_settings
             from hsop_gcs.simulator.lookout import Lookout, LookoutConfig
@@ -188,7 +189,7 @@ def register(app: typer.Typer) -> None:
 
             def lookout(line: str) -> Lookout:
                 seen = in_file or truth_from_text(line, home)
-                return Lookout(fleet, seen, LocalFrame(home), config_of_eyes, clock=time.time)
+                return Lookout(fleet, seen, LocalFrame(home), config_of_eyes, clock=RisingClock())
 
         asyncio.run(_run(fleet, lookout, truth_on_stdin=truth == "-", exit_with_stdin=exit_with_stdin))
 
@@ -202,14 +203,14 @@ async def _run(
 ) -> None:
     """Fly until a signal, or the end of standard input if asked for, or a fault."""
     import asyncio
-    import signal
     import threading
     from datetime import UTC, datetime
 
+    from hsop_gcs.workers import stop_on_signals
+
     loop = asyncio.get_running_loop()
     stop = asyncio.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, stop.set)
+    stop_on_signals(stop.set, patience_s=10.0)
     lines: asyncio.Queue[str] = asyncio.Queue()
     lookout: Lookout | None = None
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import httpx2
 
+from hsop_gcs.clocks import RisingClock
 from hsop_gcs.demo.outcome import Errors, TrackScore
 from hsop_gcs.demo.radar import SIGMA_M, Radar
 from hsop_gcs.demo.screen import Screen
@@ -96,8 +97,9 @@ class Console:
 
     async def _report(self) -> None:
         """Report what the radar sees."""
+        clock = RisingClock()
         while True:
-            reports = self._radar.scan(time.time())
+            reports = self._radar.scan(clock())
             if reports:
                 for result in (await self._post("reports", reports))["results"]:
                     if result["status"] == "rejected":

@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-import signal
 import subprocess
 import sys
 import tempfile
@@ -22,7 +21,7 @@ from hsop_gcs.demo.scene import HOSTS, TRUTH, service_settings
 from hsop_gcs.demo.screen import Screen
 from hsop_gcs.loopback import ORIGIN, free_udp_ports
 from hsop_gcs.simulator.truth import truth_from_json
-from hsop_gcs.workers import deaf_to_ctrl_c
+from hsop_gcs.workers import deaf_to_ctrl_c, stop_on_signals
 
 SPACING_M = 15.0
 LIMIT_S = 150.0
@@ -31,7 +30,9 @@ LIMIT_S = 150.0
 async def run_demo(autopilot: str) -> Outcome:
     """Run the demonstration; progress goes to stderr. Leaves no process behind, however it ends, only its journal."""
     started_s = time.monotonic()
-    asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, signal.raise_signal, signal.SIGINT)
+    task = asyncio.current_task()
+    assert task is not None
+    stop_on_signals(task.cancel, patience_s=10.0)
     journal = Path(tempfile.mkdtemp(prefix="hsop-gcs-demo-")) / "journal"
     async with AsyncExitStack() as stack:
         (port,) = free_udp_ports(1)

@@ -76,6 +76,8 @@ class Backlog:
         self._most_bytes = most_bytes
         self._waiting: dict[Worth, deque[Waiting]] = {worth: deque() for worth in Worth}
         """In order, each worth by itself: what is to be given up next is at the beginning."""
+        self._kinds = Counter[str]()
+        """How many entries of each kind wait."""
         self._gap: _Gap | None = None
         self._gap_taken: _Gap | None = None
         """The newest gap that was taken out, in case it is put back."""
@@ -93,19 +95,29 @@ class Backlog:
         self.sequence += 1
         entry = Waiting(sequence=self.sequence, time_s=time_s, kind=kind, body=body, worth=worth, since_s=now_s)
         self._waiting[worth].append(entry)
-        self.bytes += len(body)
+        self._count(entry, 1)
         self._make_room()
         return self.sequence
 
+    def holds(self, kind: str) -> bool:
+        """Return whether an entry of a kind waits."""
+        return self._kinds[kind] > 0
+
     def remove(self, kind: str) -> None:
         """Take out the entries of a kind that a newer one makes needless."""
+        if not self.holds(kind):
+            return
         for worth, waiting in self._waiting.items():
-            left = deque(each for each in waiting if each.kind != kind)
-            self.bytes -= sum(len(each.body) for each in waiting) - sum(len(each.body) for each in left)
-            self._waiting[worth] = left
+            for each in waiting:
+                if each.kind == kind:
+                    self._count(each, -1)
+            self._waiting[worth] = deque(each for each in waiting if each.kind != kind)
 
-    def take(self, most_bytes: int) -> list[Waiting]:
-        """Take the next entries out, at least one if there are any, the gap among them."""
+    def take(self, most_bytes: int, *, alone: str | None = None) -> list[Waiting]:
+        """Take the next entries out, at least one if there are any, the gap among them.
+
+        alone: the kind of entries that are taken out by themselves.
+        """
         taken: list[Waiting] = []
         size = 0
         while len(self) and (not taken or size < most_bytes):
@@ -115,10 +127,14 @@ class Backlog:
                 entry, self._gap_taken, self._gap = self._gap.to_entry(), self._gap, None
             else:
                 assert queue is not None, "there is an entry or a gap"
+                if queue[0].kind == alone and taken:
+                    break
                 entry = queue.popleft()
-                self.bytes -= len(entry.body)
+                self._count(entry, -1)
             taken.append(entry)
             size += len(entry.body)
+            if entry.kind == alone:
+                break
         return taken
 
     def put_back(self, entries: Sequence[Waiting]) -> None:
@@ -130,15 +146,19 @@ class Backlog:
                 self._gap, self._gap_taken = self._gap_taken, None
                 continue
             self._waiting[each.worth].appendleft(each)
-            self.bytes += len(each.body)
+            self._count(each, 1)
         self._make_room()
+
+    def _count(self, entry: Waiting, by: int) -> None:
+        self.bytes += by * len(entry.body)
+        self._kinds[entry.kind] += by
 
     def _make_room(self) -> None:
         """Give up the oldest entries of the least worth, then those of more."""
         for waiting in self._waiting.values():
             while waiting and self.bytes > self._most_bytes:
                 entry = waiting.popleft()
-                self.bytes -= len(entry.body)
+                self._count(entry, -1)
                 self.given_up[entry.kind] += 1
                 if self._gap is None:
                     self._gap = _Gap(

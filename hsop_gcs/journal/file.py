@@ -1,8 +1,12 @@
-"""The journal's file: entries one a line, numbered; a torn end is cut off and told.
+"""The journal's files as they are written: lines at the end of one, a new one now and then.
 
-What a full disk leaves of a line is cut off before the next one. One process writes a journal at a time.
+    FILE.next is written: header, snapshot ─▶ FILE becomes FILE.000003 ─▶ FILE.next becomes FILE
+
+What a full disk leaves of a line is cut off before the next one. A process that ends between any two of these steps is
+followed by one that finds its way. One process writes a journal at a time.
 """
 
+import contextlib
 import errno
 import fcntl
 import os
@@ -11,20 +15,31 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from hsop_gcs.errors import BadInput, Unavailable
-from hsop_gcs.journal.entry import Entry, line_of, parse
-
-_BEGINNING = b'{"n":1,'
-"""The first bytes of every journal, as far as they were written."""
+from hsop_gcs.journal.backlog import GIVEN_UP
+from hsop_gcs.journal.entry import Entry, body_of, line_of
+from hsop_gcs.journal.segments import (
+    Header,
+    Segment,
+    closed_path,
+    entries,
+    header_of,
+    newest_part,
+    next_path,
+    segments,
+)
 
 Write = Callable[[int, bytes], int]
 """Writes to a file descriptor; returns how many bytes it took. Raises OSError."""
 
+_PASSING = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.ESTALE, errno.ENODEV, errno.ENXIO, errno.EFBIG}
+"""What a disk may say and be mended: a service starts all the same. Anything else is a mistake in the settings."""
+
 
 class JournalFile:
-    """Appends lines to a file. Opening an existing one repairs its end and goes on with its numbers."""
+    """Appends lines to a journal. Opening an existing one repairs its end and goes on with its numbers."""
 
     def __init__(self, path: Path, on_entry: Callable[[Entry], None], write: Write = os.write) -> None:
-        """Open or create. on_entry: given each entry that is there already, in order.
+        """Open or create. on_entry: given the entries that are there already, in order, from the newest snapshot on.
 
         Raises Unavailable if the file cannot be written or another process writes it, BadInput if it is no journal or
         is damaged elsewhere than at its end, and what ``on_entry`` raises. A file that is refused is left alone.
@@ -32,41 +47,116 @@ class JournalFile:
         self.path = path
         self.bytes_cut = 0
         """How much was cut off: a last line that was not written to its end."""
-        self._number = self._end = 0
-        self._torn = False
+        self.since_snapshot = 0
+        """Bytes that were read after the newest snapshot."""
         self._write = write
+        self._segment, self._number, self._end = 1, 0, 0
+        self._time_s = 0.0
+        self._torn = False
+        self._file: int | None = None
+        self._identity: tuple[int, int] | None = None
+        self._removed = False
+        with ExitStack() as on_failure:
+            self._lock = _locked(path)
+            on_failure.callback(os.close, self._lock)
+            with _told(path):
+                _settle(path)
+                self._read(on_entry)
+                self._open_if_possible()
+            on_failure.pop_all()
+
+    @property
+    def removed(self) -> bool:
+        """Whether the file was taken away underneath, so that what was in it is missing."""
+        return self._removed
+
+    def _read(self, on_entry: Callable[[Entry], None]) -> None:
+        for segment in newest_part(self.path):
+            header = header_of(segment)
+            if header is not None:
+                self._segment, self._number = header.segment, header.first - 1
+                end = len(header.line())
+            else:
+                end = 0
+            for count, (entry, after) in enumerate(entries(segment)):
+                on_entry(entry)
+                self.since_snapshot += 0 if count == 0 else after - end
+                self._number, self._time_s, end = entry.number, entry.time_s, after
+            if segment.number is None:
+                self._end = end
+                self.bytes_cut = self.path.stat().st_size - end
+                self._torn = self.bytes_cut > 0
+            else:
+                self._segment = segment.number + 1
+
+    def _open_if_possible(self) -> None:
         try:
-            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o666)
-            with ExitStack() as on_failure:
-                on_failure.callback(os.close, self._file)
-                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                self._continue(on_entry)
-                on_failure.pop_all()
-        except BlockingIOError as error:
-            raise Unavailable(f"journal {str(path)!r}: another process writes it") from error
+            self._open()
         except OSError as error:
-            raise Unavailable(f"journal {str(path)!r}: {error.strerror}") from error
+            if error.errno not in _PASSING:
+                raise
 
-    def _continue(self, on_entry: Callable[[Entry], None]) -> None:
-        for entry, end in _entries(self.path):
-            on_entry(entry)
-            self._number, self._end = entry.number, end
-        self.bytes_cut = self.path.stat().st_size - self._end
-        if self.bytes_cut:
-            os.ftruncate(self._file, self._end)
+    def _open(self) -> int:
+        """Return the file to write to, created if it is not there."""
+        if self._file is not None and not self._is_there():
+            self._removed = True
+            os.close(self._file)
+            self._file, self._segment, self._end, self._torn = None, self._segment + 1, 0, False
+        if self._file is None:
+            if self._end:
+                self._file = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC)
+                if self._torn:
+                    os.ftruncate(self._file, self._end)
+                    self._torn = False
+            else:
+                self._file = self._create(self.path, self._gap() if self._removed else b"")
+            status = os.fstat(self._file)
+            self._identity = status.st_dev, status.st_ino
+        return self._file
 
-    def append(self, bodies: Sequence[bytes]) -> int:
+    def _is_there(self) -> bool:
+        try:
+            status = os.stat(self.path)
+        except FileNotFoundError:
+            return False
+        return (status.st_dev, status.st_ino) == self._identity
+
+    def _gap(self) -> bytes:
+        """The line that says that entries are missing before it."""
+        data = {"kinds": {}, "from_s": 0.0, "to_s": self._time_s, "why": "the file was taken away"}
+        return line_of(self._number + 1, body_of(GIVEN_UP, data, self._time_s))
+
+    def _create(self, path: Path, line: bytes) -> int:
+        """Begin a file with its header and a first entry, if there is one; nothing is left of it if that fails."""
+        with contextlib.suppress(FileNotFoundError):
+            if path == self.path and path.stat().st_size > 0 and not self._torn:
+                raise OSError(errno.EEXIST, "another file has taken its place")
+        header = Header(segment=self._segment + (path != self.path), first=self._number + 1).line()
+        with ExitStack() as on_failure:
+            file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
+            on_failure.callback(path.unlink, missing_ok=True)
+            on_failure.callback(os.close, file)
+            if self._write(file, header + line) < len(header + line):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            on_failure.pop_all()
+        self._end, self._torn = len(header + line), False
+        self._number += bool(line)
+        return file
+
+    def append(self, bodies: Sequence[bytes], *, time_s: float) -> int:
         """Write entries; return how many were written whole: all, or those before the disk was full.
 
-        Raises OSError if none was. What is not written whole is not in the journal, and the next one takes its number.
+        time_s: of the last one. Raises OSError if none was. What is not written whole is not in the journal, and the
+        next one takes its number.
         """
+        file = self._open()
         lines = [line_of(self._number + 1 + index, body) for index, body in enumerate(bodies)]
         data = b"".join(lines)
         if self._torn:
-            os.ftruncate(self._file, self._end)
+            os.ftruncate(file, self._end)
         self._torn = True
-        taken = self._write(self._file, data)
-        self._torn = taken < len(data)
+        taken = self._write(file, data)
+        self._torn, self._time_s = taken < len(data), time_s
         whole = 0
         for line in lines:
             if len(line) > taken:
@@ -78,39 +168,100 @@ class JournalFile:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return whole
 
+    def rotate(self, snapshot: bytes) -> None:
+        """Close the segment and begin the next one with a snapshot. Raises OSError; then nothing has changed."""
+        old, end, torn = self._open(), self._end, self._torn
+        if torn:
+            os.ftruncate(old, end)
+        try:
+            new = self._create(next_path(self.path), line_of(self._number + 1, snapshot))
+        except OSError:
+            self._end, self._torn = end, False
+            raise
+        closed = closed_path(self.path, self._segment)
+        try:
+            if closed.exists():
+                raise OSError(errno.EEXIST, os.strerror(errno.EEXIST))
+            self.path.rename(closed)
+            next_path(self.path).rename(self.path)
+        except OSError:
+            os.close(new)
+            with contextlib.suppress(OSError):
+                next_path(self.path).unlink(missing_ok=True)
+                if not self.path.exists():
+                    closed.rename(self.path)
+            self._number, self._end, self._torn = self._number - 1, end, False
+            raise
+        os.close(old)
+        status = os.fstat(new)
+        self._file, self._segment, self._identity = new, self._segment + 1, (status.st_dev, status.st_ino)
+
+    def look(self) -> None:
+        """See to it that the file is still there, and begin a new one if it is not. Raises OSError."""
+        self._open()
+
+    def snapshot_written(self) -> None:
+        """Note that what was missing because the file was taken away is not missed any more."""
+        self._removed = False
+
     def close(self) -> None:
         """Close the file; what was appended is on its way to the disk."""
-        os.close(self._file)
+        if self._file is not None:
+            os.close(self._file)
+        os.close(self._lock)
 
 
-def read(path: Path) -> Iterator[Entry]:
-    """Yield the entries of a journal; a torn last line is left out.
-
-    Raises BadInput that names the line if any other line is damaged or out of sequence, and if the file is no journal
-    or does not exist.
-    """
-    for entry, _ in _entries(path):
-        yield entry
-
-
-def _entries(path: Path) -> Iterator[tuple[Entry, int]]:
-    """The sound entries with the offsets of their lines' ends. Only the last line may be unsound."""
+def _locked(path: Path) -> int:
+    """Return the lock of a journal. Raises Unavailable if another process has it, or it cannot be had."""
+    name = path.with_name(f"{path.name}.lock")
     try:
-        file = path.open("rb")
+        try:
+            lock = os.open(name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        except OSError as error:
+            if error.errno not in _PASSING:
+                raise
+            # nothing can be created there now, and so by no other process either
+            lock = os.open(path if not name.exists() else name, os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(lock)
+            raise
+    except BlockingIOError as error:
+        raise Unavailable(f"journal {str(path)!r}: another process writes it") from error
     except OSError as error:
-        raise BadInput(str(path), error.strerror or "cannot be read") from error
-    with file:
-        if not _BEGINNING.startswith(file.read(len(_BEGINNING))):
-            raise BadInput(str(path), "is no journal")
-        file.seek(0)
-        size = os.fstat(file.fileno()).st_size
-        end, expected = 0, 1
-        for raw in file:
-            entry = parse(raw)
-            last = end + len(raw) == size
-            if entry is None and last:
-                return
-            if entry is None or entry.number != expected:
-                raise BadInput(str(path), f"line {expected} is damaged")
-            end, expected = end + len(raw), expected + 1
-            yield entry, end
+        raise Unavailable(f"journal {str(path)!r}: {error.strerror}") from error
+    return lock
+
+
+@contextlib.contextmanager
+def _told(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise Unavailable(f"journal {str(path)!r}: {error.strerror}") from error
+
+
+def _settle(path: Path) -> None:
+    """Finish, or take back, what a process that ended while it changed segments has left."""
+    closed = [each for each in segments(path) if each.number is not None]
+    newest = closed[-1] if closed and closed[-1].path.suffix != ".gz" else None
+    begun = next_path(path)
+    try:
+        if not path.exists() and begun.exists() and _is_begun(Segment(path=begun, number=None)):
+            begun.rename(path)
+        elif newest is not None and (not path.exists() or not _is_begun(Segment(path=path, number=None))):
+            # after a loss of power a new segment may be empty; the one before is whole
+            newest.path.rename(path)
+        begun.unlink(missing_ok=True)
+    except OSError as error:
+        if error.errno not in _PASSING:
+            raise
+
+
+def _is_begun(segment: Segment) -> bool:
+    """Return whether a file has a whole header and first entry; one that is damaged otherwise is not judged here."""
+    try:
+        return header_of(segment) is not None and next(entries(segment), None) is not None
+    except BadInput:
+        return True

@@ -13,7 +13,7 @@ import logging
 import os
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -22,18 +22,26 @@ from typing import Any, Self
 from hsop_gcs.journal.backlog import Backlog, Waiting
 from hsop_gcs.journal.entry import Entry, Worth, body_of
 from hsop_gcs.journal.file import JournalFile, Write
+from hsop_gcs.journal.retention import KEEP_BYTES, Retention
+from hsop_gcs.journal.segments import SNAPSHOT
 
 BACKLOG_BYTES = 64_000_000
 """What waits in memory at most: minutes of a thousand reports a second, most of an hour of eighty."""
 _PATIENCE_S = 0.1
 """How long ``append`` waits for the disk, at most."""
-_PATIENCE_PER_S = 0.25
+_PATIENCE_PER_S = 0.5
 """How much of each second all calls of ``append`` together wait for a disk that is slow."""
 _RETRY_S = 0.5
 _BATCH_BYTES = 1_000_000
 _SLOW_S = 1.0
 """An entry that waits longer than this is told as a fault of the disk."""
 _CLOSING_S = 5.0
+_LOOK_S = 1.0
+"""How often a journal that has nothing to write looks whether its file is still there."""
+SEGMENT_BYTES = 16_000_000
+"""How much is written between two snapshots of a mission: seconds of work for the next start."""
+_SNAPSHOTS = 8
+"""Between two snapshots so many times as much is written as a snapshot takes, however large it is."""
 
 log = logging.getLogger(__name__)
 
@@ -61,11 +69,15 @@ class Journal:
         on_entry: Callable[[Entry], None] = lambda _entry: None,
         *,
         backlog_bytes: int = BACKLOG_BYTES,
+        segment_bytes: int = SEGMENT_BYTES,
+        raw: Iterable[str] = (),
+        keep_bytes: int = KEEP_BYTES,
         write: Write = os.write,
     ) -> None:
-        """Open or create. on_entry: given each entry that is there already, in order. write: puts bytes on the disk.
+        """Open or create. on_entry: given the entries that are there already, in order, from the newest snapshot on.
 
-        Raises what ``JournalFile`` does.
+        raw: the kinds of entries that old segments do without once all closed ones take more than ``keep_bytes``.
+        write: puts bytes on the disk. Raises what ``JournalFile`` does.
         """
         self.path = path
         self._file = JournalFile(path, on_entry, write)
@@ -75,6 +87,13 @@ class Journal:
         self._written = 0
         """The sequence number of the newest entry that is the operating system's."""
         self._late = 0
+        self._segment_bytes = segment_bytes
+        self._since_snapshot = self._file.since_snapshot
+        """Bytes of entries after the newest snapshot."""
+        self._snapshot_bytes = 0
+        self._missing = 0
+        """How many entries had been given up when the newest snapshot was made."""
+        self._retention = Retention(path, raw=frozenset(raw) | {SNAPSHOT}, keep_bytes=keep_bytes)
         self._problem: str | None = None
         self._in_flight: list[Waiting] = []
         """What the writer has taken out of the backlog and is giving to the disk."""
@@ -112,9 +131,43 @@ class Journal:
         with self._changed:
             now_s = time.monotonic()
             sequence = self._backlog.add(time_s=time_s, kind=kind, body=body, worth=worth, now_s=now_s)
+            self._since_snapshot += len(body)
             self._changed.notify_all()
             self._wait_for(sequence, now_s)
             self._late += self._written < sequence
+
+    @property
+    def wants_snapshot(self) -> bool:
+        """Whether it is time for ``save``: enough was written since, or entries are missing and the disk is back."""
+        with self._changed:
+            if self._problem is not None or self._saving:
+                return False
+            if self._backlog.given_up.total() != self._missing or self._file.removed:
+                return True
+            return self._since_snapshot > max(self._segment_bytes, _SNAPSHOTS * self._snapshot_bytes)
+
+    def save(self, data: Any, *, time_s: float) -> None:
+        """Write all that came of the entries so far, and begin a new segment with it: a start reads no older entries.
+
+        ``data``: what JSON can hold.
+        """
+        body = body_of(SNAPSHOT, data, time_s)
+        with self._changed:
+            self._backlog.remove(SNAPSHOT)
+            self._missing = self._backlog.given_up.total()
+            self._since_snapshot, self._snapshot_bytes = 0, len(body)
+            now_s = time.monotonic()
+            self._backlog.add(time_s=time_s, kind=SNAPSHOT, body=body, worth=Worth.PROMISED, now_s=now_s)
+            self._changed.notify_all()
+
+    def put_off_snapshot(self) -> None:
+        """Ask for a snapshot again when as much has been written once more."""
+        with self._changed:
+            self._since_snapshot, self._missing = 0, self._backlog.given_up.total()
+
+    @property
+    def _saving(self) -> bool:
+        return self._backlog.holds(SNAPSHOT) or any(each.kind == SNAPSHOT for each in self._in_flight)
 
     def flush(self, timeout_s: float) -> bool:
         """Wait until everything is written; return whether it is."""
@@ -129,6 +182,7 @@ class Journal:
         self._writer.join(_CLOSING_S)
         if self._waiting:
             log.error("journal %s: %d entries could not be written and are lost", self.path, self._waiting)
+        self._retention.stop()
         if not self._writer.is_alive():
             self._file.close()
 
@@ -173,12 +227,12 @@ class Journal:
     def _run(self) -> None:
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._closing or len(self._backlog))
-                batch = self._in_flight = self._backlog.take(_BATCH_BYTES)
-                if not batch:
+                self._changed.wait_for(lambda: self._closing or len(self._backlog), _LOOK_S)
+                batch = self._in_flight = self._backlog.take(_BATCH_BYTES, alone=SNAPSHOT)
+                if not batch and self._closing:
                     return
             try:
-                written, problem = self._file.append([each.body for each in batch]), None
+                written, problem = self._write(batch), None
             except OSError as error:
                 written, problem = 0, error.strerror or str(error)
             except Exception as error:  # the thread must outlast whatever it meets
@@ -190,6 +244,24 @@ class Journal:
                     if self._closing:
                         return
                     self._changed.wait_for(lambda: self._closing, _RETRY_S)
+
+    def _write(self, batch: list[Waiting]) -> int:
+        """Give a batch to the disk; return how many of its entries were written. Raises OSError if none was."""
+        if not batch:
+            self._file.look()
+            return 0
+        if batch[0].kind != SNAPSHOT:
+            return self._file.append([each.body for each in batch], time_s=batch[-1].time_s)
+        (snapshot,) = batch
+        try:
+            self._file.rotate(snapshot.body)
+        except OSError as error:
+            # a folder that takes no new file: the snapshot goes where the entries go
+            self._file.append([snapshot.body], time_s=snapshot.time_s)
+            log.warning("journal %s: no new segment can be begun: %s", self.path, error.strerror)
+        self._file.snapshot_written()
+        self._retention.start()
+        return 1
 
     def _note(self, batch: list[Waiting], written: int, problem: str | None) -> None:
         """Put down how a batch came off."""

@@ -31,8 +31,6 @@ class LinkCounters:
     """Frames over signed links that were not believed, by what was wrong."""
     peers_turned_away: int
     """Datagrams from addresses beyond the number of peers we keep account of."""
-    faults: int
-    """How often our own code has failed at a frame or a vehicle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,8 +70,10 @@ class VehicleLink:
     command_noise: int
     withheld: dict[str, int]
     """What other programs wanted to send to it over our link and may not, by message or command."""
-    faults: int
-    """How often our own code has failed at it: its order was given up each time."""
+    not_taken: dict[str, int]
+    """Messages under its id that are not listened to, by the kind of component that sent them."""
+    other_autopilots: tuple[int, ...]
+    """Components that speak as a second autopilot under its id, and are not listened to."""
     foreign_heartbeats: int
     """Heartbeats under its autopilot's ids that are not the autopilot's: a companion computer's, a tracker's."""
 

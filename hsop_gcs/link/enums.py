@@ -171,6 +171,14 @@ class MavBatteryChargeState(IntEnum):
     EMERGENCY = 4
 
 
+class MavVtolState(IntEnum):
+    UNDEFINED = 0
+    TRANSITION_TO_FW = 1
+    TRANSITION_TO_MC = 2
+    MC = 3
+    FW = 4
+
+
 class MavBatteryFunction(IntEnum):
     UNKNOWN = 0
     ALL = 1

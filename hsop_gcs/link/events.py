@@ -46,16 +46,35 @@ class AddressRegistered(Event):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleFault(Event):
-    """The service failed at something the vehicle sent, or that was due for it: a fault of ours.
+class AutopilotRestarted(Event):
+    """The autopilot's clock went back and stayed there: what it was ordered and asked is forgotten, and asked again."""
 
-    Whatever the vehicle was ordered is given up, and it is given nothing until a frame of its goes through without a
-    fault. where: the part that failed. frame: the frame at which it did, in hexadecimal; None: it was at no frame.
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TwoAircraftHeard(Event):
+    """What comes under the vehicle's id cannot come from one aircraft; nothing is ordered while that is so."""
+
+    problem: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StreamRateFell(Event):
+    """Messages come far less often than they were asked for, and are asked for again.
+
+    rates: each message with the rate at which it came and the rate asked for.
     """
 
-    where: str
-    problem: str
-    frame: str | None
+    rates: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StreamRateNotKept(Event):
+    """Messages that were asked for again in vain: a link too slow for them, or another station that asks for less.
+
+    They are asked for again less and less often. rates: as in ``StreamRateFell``.
+    """
+
+    rates: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,12 +1,13 @@
 """What another program may tell a vehicle over our link: parameters, fences, files, logs and cameras, and no more.
 
 Orders, modes, targets, streams and heartbeats stay with the service: whatever flies a host goes through its safety
-gates, and no second heartbeat hides from the vehicle that ours has stopped.
+gates, and no second heartbeat hides from the vehicle that ours has stopped. A command that does not pass is answered
+DENIED in the vehicle's name; nothing else of MAVLink has an answer that would say so.
 """
 
-from hsop_gcs.link.codec import STX_V2, Frame, is_signed, message_id, message_ids
-from hsop_gcs.link.enums import MavCmd
-from hsop_gcs.link.messages import CommandInt, CommandLong
+from hsop_gcs.link.codec import STX_V2, Encoder, Frame, is_signed, message_id, message_ids
+from hsop_gcs.link.enums import MavCmd, MavComponent, MavResult
+from hsop_gcs.link.messages import CommandAck, CommandInt, CommandLong
 
 _MESSAGES = message_ids(
     (
@@ -43,3 +44,17 @@ def withheld(frame: Frame, system: int) -> str | None:
             return f"message {message_id(frame.raw)}"
     # Behind one radio there may be others.
     return None if getattr(frame.message, "target_system", system) in (0, system) else "to another system"
+
+
+def denial(frame: Frame, system: int, result: MavResult = MavResult.DENIED) -> bytes | None:
+    """Return the answer to a command that does not pass, as its addressee would give it; None to what has no answer.
+
+    A command to another system is not answered: we do not speak for vehicles that the port does not lead to.
+    """
+    message = frame.message
+    if not isinstance(message, CommandLong | CommandInt) or message.target_system not in (0, system):
+        return None
+    answer = CommandAck(
+        command=message.command, result=result, target_system=frame.system, target_component=frame.component
+    )
+    return Encoder(system=system, component=message.target_component or MavComponent.AUTOPILOT1).encode(answer)

@@ -59,14 +59,22 @@ class Verdict(StrEnum):
 class SigningClock:
     """Timestamps for everything one ground station signs: rising, never behind the wall's clock, kept over restarts.
 
-    unix_s: the wall's clock. saved: what ``save`` was last called with, in an earlier life; ``save`` is called now and
-    then with a timestamp that is still to come, and may raise OSError.
+    unix_s: the wall's clock. rising: the same, but never back (``clocks.RisingClock``): a vehicle's frames would come
+    from the future once our clock is set back and that vehicle is not heard for a while. saved: what ``save`` was last
+    called with, in an earlier life; ``save`` is called now and then with a timestamp that is still to come, and may
+    raise OSError.
     """
 
     def __init__(
-        self, unix_s: Callable[[], float], *, saved: int = 0, save: Callable[[int], None] | None = None
+        self,
+        unix_s: Callable[[], float],
+        *,
+        rising: Callable[[], float] | None = None,
+        saved: int = 0,
+        save: Callable[[int], None] | None = None,
     ) -> None:
         self._unix_s = unix_s
+        self._rising = rising or unix_s
         self._last = saved
         self._save = save
         self._saved = 0
@@ -75,7 +83,7 @@ class SigningClock:
 
     def next(self) -> int:
         """Return a timestamp that was never used."""
-        self._last = max(self._last + 1, self.wall())
+        self._last = max(self._last + 1, _ticks(self._rising()))
         if self._save is not None and self._last >= self._saved - _SAVE_AHEAD // 2:
             self._saved = self._last + _SAVE_AHEAD
             try:
@@ -87,15 +95,19 @@ class SigningClock:
 
     def wall(self) -> int:
         """The wall's clock as a timestamp."""
-        return max(0, int((self._unix_s() - _EPOCH_UNIX_S) * TICKS_PER_S))
+        return _ticks(self._unix_s())
 
     def ahead(self) -> int:
-        """The newest of the wall's clock and everything sent and believed."""
-        return max(self._last, self.wall())
+        """The newest of the clock that rises and everything sent and believed."""
+        return max(self._last, _ticks(self._rising()))
 
     def believed(self, timestamp: int) -> None:
         """Stay ahead of what a vehicle has sent: it takes nothing older from a stream it does not know."""
         self._last = max(self._last, timestamp)
+
+
+def _ticks(unix_s: float) -> int:
+    return max(0, int((unix_s - _EPOCH_UNIX_S) * TICKS_PER_S))
 
 
 @dataclass(slots=True)

@@ -30,14 +30,26 @@ class Commander:
         self._link.hover(host.system_id, hover_order(progress, self._frame, deadline_s=deadline_s, speed_mps=speed_mps))
 
     def tell(self, hosts: Iterable[Host], wish: Wish) -> None:
-        """Order hosts to hold or to return at once, whoever flies them."""
+        """Order hosts to hold or to return at once, whoever flies them.
+
+        A recalled host on the ground is sent nothing, and its take-off under way is given up: a PX4 told to return
+        while it stands stays in Return and refuses its next take-off.
+        """
         for host in hosts:
             if wish is Wish.HOLD:
                 self._link.hold(host.system_id)
+            elif self.on_the_ground(host):
+                self._link.leave_alone(host.system_id)
+                continue
             else:
                 self._link.return_to_launch(host.system_id)
             if self._link.vehicles[host.system_id].state.link_up:
                 self._told_s[host.id] = self._link.now()
+
+    def on_the_ground(self, host: Host) -> bool:
+        """Whether a host is heard and says that it stands on the ground."""
+        state = self._link.vehicles[host.system_id].state
+        return state.link_up and state.in_air is False
 
     def insist(self, pending: Mapping[str, Pending], aircraft: Mapping[str, Aircraft]) -> None:
         """Order again what hosts have not confirmed, as far as they are heard and fly for us."""

@@ -9,24 +9,28 @@ import asyncio
 import contextlib
 import logging
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 
-from hsop_gcs.detections import Detection, let_go, rays_of
+from hsop_gcs.detections import Detection, Fate, let_go, rays_of
 from hsop_gcs.detections import Verdict as RayVerdict
-from hsop_gcs.errors import NotKnown, Refused
+from hsop_gcs.errors import NotKnown, Refused, Unavailable
 from hsop_gcs.fleet import Fleet, Host
 from hsop_gcs.journal import Journal
 from hsop_gcs.link.events import Event, OrderFailed
 from hsop_gcs.link.pump import Link
 from hsop_gcs.link.tlog import TlogWriter
 from hsop_gcs.link.vehicle import Vehicle
+from hsop_gcs.mission.clock import MissionClock
 from hsop_gcs.mission.commander import Commander
 from hsop_gcs.mission.core import MissionState, Wish, apply, situation, take_rays, take_reports
+from hsop_gcs.mission.dating import Dating
 from hsop_gcs.mission.departures import check_take_off, departures
 from hsop_gcs.mission.dispatch import OrderStatus
-from hsop_gcs.mission.gates import Closed
+from hsop_gcs.mission.gates import UNHEARD, Closed
 from hsop_gcs.mission.inputs import (
+    ClockStepped,
     DecisionMade,
     HostDeparted,
     HostSetAside,
@@ -52,12 +56,14 @@ from hsop_gcs.mission.notices import JournalFailed, JournalResumed, Notice
 from hsop_gcs.mission.planning import Situation
 from hsop_gcs.mission.poses import Poses
 from hsop_gcs.mission.records import to_record, worth_of
+from hsop_gcs.mission.refusals import Refusals
 from hsop_gcs.mission.sky import Sky
+from hsop_gcs.mission.snapshots import to_snapshot
 from hsop_gcs.mission.solver import Solver
 from hsop_gcs.mission.state import Autonomy, Plan, ready, replan_reason
 from hsop_gcs.mission.traffic import Blocked
 from hsop_gcs.reports import Measurement, Site
-from hsop_gcs.tracks import Refusal, Verdict, prune
+from hsop_gcs.tracks import Refusal, RefusalKind, Verdict, prune
 
 _TICK_S = 0.2
 _REST_S = 0.02
@@ -65,6 +71,11 @@ _REST_S = 0.02
 _GIMBAL_LAG_S = 0.2
 """From working out an aim to a gimbal that looks there: half a tick, the link and the gimbal's own response."""
 _EVENTS_KEPT = 500
+_HOSTS_AWAITED_S = 5.0
+"""After a restart, how long the first question to the planner waits for hosts that had orders."""
+_TRACKER_LOADS = "the tracker's kernels are being loaded, the first time on a machine compiled"
+_NO_FAULT = frozenset({RefusalKind.OWN_HOST, RefusalKind.DUPLICATE, RefusalKind.DISMISSED})
+"""Refusals that say nothing against their source."""
 
 log = logging.getLogger(__name__)
 
@@ -75,13 +86,14 @@ class LoggedEvent:
 
     number: int
     time_s: float
+    """Mission time."""
     host: str | None
     """None: it happened to the mission."""
     event: Event | Input | Notice
 
 
 class Mission:
-    """One mission from its first report to its last order. ``clock``: seconds since the Unix epoch."""
+    """One mission from its first report to its last order. ``clock``: of the recovered mission, if it goes on."""
 
     def __init__(
         self,
@@ -90,33 +102,34 @@ class Mission:
         site: Site,
         link: Link,
         solver: Solver,
-        clock: Callable[[], float],
+        clock: MissionClock,
         rules: Rules | None = None,
         recovered: MissionState | None = None,
         journal: Journal | None = None,
         tlog: TlogWriter | None = None,
+        tracker_ready: bool = True,
     ) -> None:
+        """tracker_ready: see the attribute. recovered: how an earlier service left the mission, by the journal."""
         self.fleet = fleet
         self.site = site
         self.link = link
         self.clock = clock
+        """Mission time; see ``utc``."""
         self.state = recovered or MissionState()
         self.events: deque[LoggedEvent] = deque(maxlen=_EVENTS_KEPT)
         self.reports_accepted = 0
         self.reports_refused: Counter[str] = Counter()
         """Refused reports by the field that was at fault."""
+        self.dating = Dating()
+        self.refusals = Refusals()
         self.solver_fault: str | None = None
         """What went wrong in the solver's process, if its last run did not end in an answer."""
-        self.fault: str | None = None
-        """What the supervision of what flies fails at now; our heartbeat is withheld meanwhile."""
-        self.events_failed = 0
-        """Events of hosts that the mission has failed at."""
-        self.planning_fault: str | None = None
-        """What keeps the mission from asking for a plan now, though it flies and supervises."""
         self.journal = journal
         self._journal_failed = False
         self.tlog = tlog
         """What records the link, to show whether it does."""
+        self.tracker_ready = tracker_ready
+        """Whether the tracker's kernels are loaded: before that reports are refused, they would stop the loop."""
         self.sky = Sky(fleet, site, link)
         self._solver = solver
         self._solving: asyncio.Task[None] | None = None
@@ -125,36 +138,98 @@ class Mission:
         """Why hosts that wait did not depart when that was last looked at."""
         self._poses = Poses(fleet, site.frame, link, clock)
         self._commander = Commander(fleet, site.frame, link)
-        self._take(MissionStarted(time_s=clock(), rules=rules or Rules()))
+        self._awaits_hosts_until_s = link.now() + _HOSTS_AWAITED_S
+        self._awaited_hosts = frozenset() if recovered is None else frozenset(recovered.progress)
+        names = tuple(host.id for host in fleet.hosts)
+        started = MissionStarted(
+            time_s=clock(), rules=rules or Rules(), hosts=names, steady_s=clock.steady_s, boot=clock.boot
+        )
+        self._take(started)
+        self._keep_time()
+
+    # What is awaited
+
+    @property
+    def awaited(self) -> dict[str, str]:
+        """What the first question to the planner waits for, each with the reason for a person; empty: nothing."""
+        found = {}
+        if not self.tracker_ready:
+            found["kernels"] = f"{_TRACKER_LOADS}; reports are refused"
+        if not self._solver.ready:
+            found["planner"] = "the planner's process is starting, the first time on a machine it compiles its kernels"
+        unheard = self._unheard()
+        if unheard:
+            found["links"] = f"after the restart no telemetry yet of {', '.join(unheard)}"
+        return found
+
+    def _unheard(self) -> list[str]:
+        """The hosts that had orders before a restart and have not been heard well enough since to be sent.
+
+        They are awaited for a few seconds: a plan without them would be made again as soon as they are heard.
+        """
+        if not self._awaited_hosts or self.link.now() >= self._awaits_hosts_until_s:
+            return []
+        return [host for host, at in self.unavailable().items() if host in self._awaited_hosts and at.gate in UNHEARD]
+
+    def _check_tracker(self) -> None:
+        if not self.tracker_ready:
+            raise Unavailable(f"{_TRACKER_LOADS}; report again in a few seconds")
 
     # What consoles ask for
 
     def submit(self, measurements: Sequence[Measurement]) -> tuple[Verdict, ...]:
-        """Take measurements that arrived together into the picture; return what became of each, in their order."""
-        given = ReportsArrived(time_s=self.clock(), measurements=tuple(measurements), hosts_m=self.sky.hosts_m())
+        """Take measurements that arrived together, dated in UTC by their sources, into the picture.
+
+        Return what became of each, in their order. Raises Unavailable while the tracker's kernels are loaded.
+        """
+        self._check_tracker()
+        now_s = self._keep_time()
+        dated = self.dating.reports(measurements, now_s, self.state)
+        given = ReportsArrived(time_s=now_s, measurements=dated, hosts_m=self.sky.hosts_m())
+        after, verdicts = take_reports(self.state, given)
         self._record(given)
-        self.state, verdicts = take_reports(self.state, given)
-        for verdict in verdicts:
-            if isinstance(verdict, Refusal):
+        self.state = after
+        for each, verdict in zip(dated, verdicts, strict=True):
+            if not isinstance(verdict, Refusal):
+                self.reports_accepted += 1
+                self.refusals.accepted(each.source)
+            elif verdict.kind in _NO_FAULT:
                 self.refuse_report(verdict.field)
             else:
-                self.reports_accepted += 1
+                self.refuse_report(verdict.field, verdict.problem, source=each.source)
         self._changed.set()
         return verdicts
 
     def detect(self, detections: Sequence[Detection]) -> tuple[RayVerdict, ...]:
-        """Take what hosts' cameras saw into the picture; return what became of each detection, in their order."""
-        rules = self.state.rules
-        rays = rays_of(detections, self._poses.histories, self.fleet.rigs(), rules.detections)
-        given = RaysArrived(time_s=self.clock(), rays=rays, hosts_m=self.sky.hosts_m())
+        """Take what hosts' cameras saw, dated in UTC, into the picture.
+
+        Return what became of each detection, in their order. Raises Unavailable while the tracker's kernels are loaded.
+        """
+        self._check_tracker()
+        rules, now_s = self.state.rules, self._keep_time()
+        dated = self.dating.detections(detections, now_s, self.state)
+        rays = rays_of(dated, self._poses.histories, self.fleet.rigs(), rules.detections)
+        given = RaysArrived(time_s=now_s, rays=rays, hosts_m=self.sky.hosts_m())
+        after, verdicts = take_rays(self.state, given)
         self._record(given)
-        self.state, verdicts = take_rays(self.state, given)
+        self.state = after
+        for each, verdict in zip(dated, verdicts, strict=True):
+            if verdict.fate is not Fate.REFUSED:
+                self.refusals.accepted(f"cameras of {each.host}")
+            elif verdict.refusal is not None and verdict.refusal.reason not in _NO_FAULT:
+                self.refusals.refused(f"cameras of {each.host}", verdict.refusal.problem, now_s)
         self._changed.set()
         return verdicts
 
-    def refuse_report(self, field: str) -> None:
-        """Count a report that was refused before it got here."""
+    def refuse_report(self, field: str, problem: str = "", *, source: str | None = None) -> None:
+        """Count a report that was refused, here or before it got here. source: whose fault it is, if it is known."""
         self.reports_refused[field] += 1
+        if source is not None:
+            self.refusals.refused(source, f"{field}: {problem}", self.clock())
+
+    def utc(self, time_s: float) -> datetime:
+        """Return mission time as the system clock has it now."""
+        return datetime.fromtimestamp(time_s + self.state.timeline.offset_s, UTC)
 
     def dismiss(self, threat_id: str) -> None:
         """Take a threat out of the picture; its sources' reports of it are refused for a while."""
@@ -167,7 +242,6 @@ class Mission:
         """Let the proposed plan fly. Raises NotKnown, or Refused if it is not the proposal any more or not safe now:
         then another one is made.
         """
-        self.link.require_running()
         plans = self.state.plans
         plan = plans.proposed
         known = {each.id for each in (plan, plans.flying, plans.failed) if each is not None}
@@ -185,7 +259,6 @@ class Mission:
 
         Raises Refused, and nobody takes off, if one of them does not pass a gate.
         """
-        self.link.require_running()
         hosts = self._hosts(host_ids)
         check_take_off(hosts, altitude_m, self.state, self.sky, self.clock())
         names = tuple(host.id for host in hosts)
@@ -197,7 +270,6 @@ class Mission:
 
     def hold(self, host_ids: Iterable[str] | None = None) -> list[str]:
         """Stop hosts where they are; return their ids. From then on no plan flies without a person's approval."""
-        self.link.require_running()
         hosts = self._hosts(host_ids)
         self._commander.tell(hosts, Wish.HOLD)
         self._take(HostsHeld(time_s=self.clock(), hosts=tuple(host.id for host in hosts)))
@@ -205,15 +277,17 @@ class Mission:
 
     def recall(self, host_ids: Iterable[str] | None = None) -> list[str]:
         """Send hosts home; return their ids. They are planned without until released; nothing flies unapproved."""
-        self.link.require_running()
         hosts = self._hosts(host_ids)
         self._commander.tell(hosts, Wish.RECALL)
         self._take(HostsRecalled(time_s=self.clock(), hosts=tuple(host.id for host in hosts)))
         return [host.id for host in hosts]
 
+    def on_the_ground(self, host_ids: Iterable[str]) -> list[str]:
+        """Return those of the hosts that are heard and stand on the ground: a recall has nothing to send to them."""
+        return [host.id for host in self._hosts(host_ids) if self._commander.on_the_ground(host)]
+
     def release(self, host_ids: Iterable[str] | None = None) -> list[str]:
         """Give hosts back to the mission; return their ids. All of them: plans fly by its own autonomy again."""
-        self.link.require_running()
         hosts = tuple(host.id for host in self._hosts(host_ids))
         self._take(HostsReleased(time_s=self.clock(), hosts=hosts, everyone=host_ids is None))
         self._changed.set()
@@ -225,13 +299,12 @@ class Mission:
         self.link.register(host.system_id, address)
 
     @property
-    def pose_faults(self) -> Mapping[str, str]:
-        """Hosts whose telemetry makes no pose now, and why."""
-        return self._poses.faults
-
-    @property
     def planner_ready(self) -> bool:
         return self._solver.ready
+
+    @property
+    def planner_restarts(self) -> int:
+        return self._solver.restarts
 
     def vehicle(self, host: Host) -> Vehicle:
         """Return the host's end of the link: its telemetry and how its order stands."""
@@ -260,7 +333,8 @@ class Mission:
             tasks.create_task(self._watch_link())
             tasks.create_task(self._poses.watch())
             while True:
-                self._round(tasks)
+                self._advance(tasks)
+                self.link.keep_alive()
                 self._changed.clear()
                 await asyncio.sleep(_REST_S)
                 # not wait_for: of a timeout and a cancellation at once it keeps the timeout (before Python 3.12)
@@ -268,40 +342,15 @@ class Mission:
                     async with asyncio.timeout(_TICK_S - _REST_S):
                         await self._changed.wait()
 
-    def _round(self, tasks: asyncio.TaskGroup) -> None:
-        """Supervise and plan. What a round fails at is told, and tried again in the next.
-
-        Our heartbeat stands for the supervision of what flies, and stops with it; planning is not what it stands for.
-        """
-        try:
-            self._supervise()
-        except Exception as error:
-            if self.fault is None:
-                log.exception("the mission supervises nothing")
-            self.fault = f"{type(error).__name__}: {error}"
-        else:
-            self.fault = None
-            self.link.keep_alive()
-        try:
-            self._plan_if_due(tasks)
-        except Exception as error:
-            if self.planning_fault is None:
-                log.exception("the mission asks for no plans")
-            self.planning_fault = f"{type(error).__name__}: {error}"
-        else:
-            self.planning_fault = None
-
-    def _supervise(self) -> None:
-        now_s = self.clock()
+    def _advance(self, tasks: asyncio.TaskGroup) -> None:
+        now_s = self._keep_time()
         self._watch_journal()
-        self._age(now_s)
+        if self.tracker_ready:
+            self._age(now_s)
         self._fly_unasked()
         self._direct_traffic(now_s)
         self._follow_threats(now_s)
-
-    def _plan_if_due(self, tasks: asyncio.TaskGroup) -> None:
-        now_s = self.clock()
-        if self._solving is None:
+        if self._solving is None and not self.awaited:
             tracks = ready(self.state.picture.tracks.values(), now_s, self.state.rules.replanning)
             unavailable = self.unavailable()
             self.sky.note(unavailable)
@@ -320,9 +369,15 @@ class Mission:
                 self._solving = tasks.create_task(self._solve(asked.situation))
 
     def _watch_journal(self) -> None:
-        """Tell once that the journal cannot be written, and once that it can again."""
+        """Tell once that the journal cannot be written, and once that it can again; give it the mission when due."""
         if self.journal is None:
             return
+        if self.journal.wants_snapshot:
+            try:
+                self.journal.save(to_snapshot(self.state), time_s=self.clock())
+            except Exception:  # the mission does not depend on it: only the next start takes longer
+                self.journal.put_off_snapshot()
+                log.exception("the mission could not be saved")
         status = self.journal.status
         if status.fault is not None and not self._journal_failed:
             self._journal_failed = True
@@ -330,6 +385,17 @@ class Mission:
         elif self._journal_failed and not status.waiting:
             self._journal_failed = False
             self._log(None, JournalResumed(given_up=status.given_up))
+
+    def _keep_time(self) -> float:
+        """Return mission time; a system clock that has been set meanwhile is told."""
+        now_s = self.clock()
+        by_s = self.clock.offset_s - self.state.timeline.offset_s
+        if by_s != 0.0:
+            stepped = ClockStepped(time_s=now_s, by_s=by_s, offset_s=self.clock.offset_s)
+            self._take(stepped)
+            self._log(None, stepped)
+            log.warning("the system clock was set by %+.1f s; the mission's time goes on", by_s)
+        return now_s
 
     def _age(self, now_s: float) -> None:
         after, gone = prune(self.state.picture, now_s, self.state.rules.tracks)
@@ -405,20 +471,13 @@ class Mission:
     async def _watch_link(self) -> None:
         while True:
             event = await self.link.events.get()
-            try:
-                self._hear(event)
-            except Exception:  # one event costs itself; what it told of is seen in the telemetry
-                log.exception("the mission failed at an event: %s", event)
-                self.events_failed += 1
+            host = self.fleet.host_of_system(event.system)
+            progress = self.state.progress.get(host.id)
+            if isinstance(event, OrderFailed) and progress is not None and progress.leg_id == event.order_id:
+                self._stop(host)
+            self._log(host, event)
+            self._take(HostSpoke(time_s=self.clock(), host=host.id, event=event))
             self._changed.set()
-
-    def _hear(self, event: Event) -> None:
-        host = self.fleet.host_of_system(event.system)
-        progress = self.state.progress.get(host.id)
-        if isinstance(event, OrderFailed) and progress is not None and progress.leg_id == event.order_id:
-            self._stop(host)
-        self._log(host, event)
-        self._take(HostSpoke(time_s=self.clock(), host=host.id, event=event))
 
     def _stop(self, host: Host) -> None:
         """Hold a host that may still fly to its point; one that somebody else flies is left to him."""
@@ -433,8 +492,10 @@ class Mission:
     # How the state moves on
 
     def _take(self, given: Input) -> None:
+        # what the mission cannot take does not get into its journal: a service that starts again could not read it
+        after = apply(self.state, given)
         self._record(given)
-        self.state = apply(self.state, given)
+        self.state = after
 
     def _record(self, given: Input) -> None:
         """Give an input to the journal, which writes it before this returns if the disk takes it: see ``Journal``."""

@@ -9,7 +9,7 @@ Pure. The shell (``controller``) writes an input into the journal, applies it an
 the same inputs again and come to the same mission, to the bit.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
@@ -18,8 +18,10 @@ from hsop_gcs.assignment import Departure, Flight, Mover
 from hsop_gcs.detections import Verdict as RayVerdict
 from hsop_gcs.detections import Watch, assimilate, let_go
 from hsop_gcs.link.events import CommandFinished, Event, OrderEvent, OrderFailed
+from hsop_gcs.mission.clock import Timeline
 from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus, progressed
 from hsop_gcs.mission.inputs import (
+    ClockStepped,
     DecisionMade,
     EntriesGivenUp,
     HostDeparted,
@@ -58,6 +60,9 @@ from hsop_gcs.placement.problem import Point
 from hsop_gcs.tracks import Picture, Refusal, RefusalKind, Track, Verdict, dismiss, prune, update
 from hsop_gcs.tracks.lifecycle import has_left
 
+_SENT_AGAIN = (OrderStatus.SENT, OrderStatus.ACCEPTED, OrderStatus.ARRIVED, OrderStatus.ON_STATION)
+"""Orders of hosts that the link of a service does not watch when it starts again."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Aside:
@@ -91,6 +96,8 @@ class MissionState:
     """All that is known and decided at one moment."""
 
     rules: Rules = field(default_factory=Rules)
+    timeline: Timeline = field(default_factory=Timeline)
+    """Where mission time has come to, and how the system clock stands to it."""
     held: bool = False
     """An operator's hold or recall took automation away, until hosts are released."""
     aside: Mapping[str, Aside] = field(default_factory=lambda: MappingProxyType({}))
@@ -129,9 +136,16 @@ class MissionState:
 
 def apply(mission: MissionState, given: Input) -> MissionState:
     """Return the mission after an input."""
+    return _applied(replace(mission, timeline=mission.timeline.at(given.time_s)), given)
+
+
+def _applied(mission: MissionState, given: Input) -> MissionState:
     match given:
-        case MissionStarted(rules=rules):
-            return _started(mission, rules)
+        case MissionStarted():
+            return _started(mission, given)
+        case ClockStepped(time_s=time_s, by_s=by_s, offset_s=offset_s):
+            timeline = mission.timeline.stepped(time_s, by_s=by_s, offset_s=offset_s)
+            return replace(mission, timeline=timeline)
         case ReportsArrived():
             return take_reports(mission, given)[0]
         case RaysArrived():
@@ -187,10 +201,11 @@ def take_reports(mission: MissionState, given: ReportsArrived) -> tuple[MissionS
         given.time_s,
         mission.rules.tracks,
         hosts_m=given.hosts_m,
-        clock=mission.rules.reports,
+        clock=mission.rules.believable,
     )
     rest = iter(verdicts)
-    return replace(mission, picture=picture), tuple(
+    timeline = mission.timeline.at(given.time_s)
+    return replace(mission, picture=picture, timeline=timeline), tuple(
         refused[index] if index in refused else next(rest) for index in range(len(given.measurements))
     )
 
@@ -214,7 +229,9 @@ def take_rays(mission: MissionState, given: RaysArrived) -> tuple[MissionState, 
         seen = {name: tracks[name] for name in unwanted if not has_left(tracks[name], given.time_s, rules)}
         wanted = {name: track for name, track in tracks.items() if name not in unwanted}
         picture, unwanted = picture._replace(tracks=MappingProxyType(wanted)), MappingProxyType(seen)
-    return replace(mission, picture=picture, unwanted=unwanted, watch=after.watch), after.verdicts
+    timeline = mission.timeline.at(given.time_s)
+    mission = replace(mission, picture=picture, unwanted=unwanted, watch=after.watch, timeline=timeline)
+    return mission, after.verdicts
 
 
 def situation(
@@ -240,17 +257,31 @@ def situation(
     )
 
 
-def _started(mission: MissionState, rules: Rules) -> MissionState:
-    """A service that starts again watches over no order that was sent before: hosts hover, and a new plan is due."""
-    left = {
-        host: replace(progress, status=OrderStatus.SUPERSEDED, note="the service was started again")
-        for host, progress in mission.progress.items()
-    }
+def _started(mission: MissionState, given: MissionStarted) -> MissionState:
+    """Take up the flights that a service before this one left: whoever flew is stopped, and sent on by the same plan as
+    soon as nothing is in the way; whoever hovered is sent to where it hovers, so that the link watches it again.
+
+    Hosts that the fleet does not have any more are forgotten, and with one of them the plan that it flew in.
+    """
+    lost = {host for host in (*mission.progress, *mission.pending, *mission.aside) if host not in given.hosts}
+    under_way = [host for host, progress in mission.progress.items() if progress.flying]
+    mission = _not_pending(_without_orders(_wished(mission, under_way, Wish.HOLD, given.time_s), lost), lost)
+    flying = None if given.rules.autonomy is Autonomy.ADVISE else mission.plans.flying
+    plan_id, note = None if flying is None else flying.id, "the service was started again"
+
+    def taken_up(progress: OrderProgress) -> OrderProgress:
+        if progress.plan_id != plan_id:
+            return replace(progress, status=OrderStatus.SUPERSEDED, note=note)
+        again = progress.status in _SENT_AGAIN
+        return replace(progress, status=OrderStatus.WAITING, since_s=given.time_s, note=note) if again else progress
+
     return replace(
         mission,
-        rules=rules,
-        plans=Plans(made=mission.plans.made),
-        progress=MappingProxyType(left),
+        rules=given.rules,
+        timeline=mission.timeline.started(given.time_s, steady_s=given.steady_s, boot=given.boot),
+        aside=MappingProxyType({host: aside for host, aside in mission.aside.items() if host not in lost}),
+        plans=Plans(made=mission.plans.made, flying=flying),
+        progress=MappingProxyType({host: taken_up(each) for host, each in mission.progress.items()}),
         asked=None,
     )
 
@@ -337,7 +368,7 @@ def _with_move(
     return _with_progress(mission, given.host, progress)
 
 
-def _without_orders(mission: MissionState, hosts: tuple[str, ...]) -> MissionState:
+def _without_orders(mission: MissionState, hosts: Collection[str]) -> MissionState:
     """Held hosts carry out no plan any more, and a plan without them is none."""
     left = {host: progress for host, progress in mission.progress.items() if host not in hosts}
     flying = mission.plans.flying

@@ -53,6 +53,9 @@ class Closed:
 ON_THE_GROUND = frozenset({"armed", "in air", "mode"})
 """Gates that a host passes by taking off. They are asked last: who stands at one of them could take off."""
 
+UNHEARD = frozenset({"link", "autopilot", "position", "home", "battery"})
+"""Gates that are closed until a host's telemetry has come."""
+
 
 def mode(aircraft: Aircraft) -> str | None:
     return None if aircraft.obeys else f"somebody else flies it (mode {aircraft.state.mode}); hold it to take it over"

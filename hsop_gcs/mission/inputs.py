@@ -1,7 +1,7 @@
 """Everything that can happen to a mission, as values, and the rules that it is judged by."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from hsop_gcs.assignment import Departure
 from hsop_gcs.detections import DetectionRules, Ray, Refused
@@ -30,19 +30,39 @@ class Rules:
     dismissed_for_s: float = 300.0
     """How long the reports of a dismissed threat are refused."""
 
+    @property
+    def believable(self) -> ReportRules:
+        """How far a report's time may be from ours: of one older than a threat may be silent, nothing is left."""
+        return replace(self.reports, max_age_s=min(self.reports.max_age_s, self.tracks.timeout_s))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Input:
-    """Base of all inputs; times are seconds since the Unix epoch."""
+    """Base of all inputs; times are mission time, see ``clock``."""
 
     time_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionStarted(Input):
-    """The service started, for the first time or again, with these rules."""
+    """The service started, for the first time or again, with these rules and hosts."""
 
     rules: Rules
+    hosts: tuple[str, ...]
+    steady_s: float | None = None
+    """The machine's steady clock, by which the next start can tell how much time has passed."""
+    boot: str | None = None
+    """The machine's run of which it is; see ``clock.Timeline``."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockStepped(Input):
+    """The system clock was set; mission time goes on as if it had not been."""
+
+    by_s: float
+    """Seconds, forward positive."""
+    offset_s: float
+    """System clock minus mission time, from now on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,9 +204,10 @@ class HostSpoke(Input):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EntriesGivenUp(Input):
-    """Inputs between two times had no room, neither on the disk nor in memory: the journal does not have them."""
+    """The journal does not have inputs that stood here: neither disk nor memory had room, or they were lost."""
 
     kinds: Mapping[str, int]
-    """How many of each kind."""
+    """How many of each kind, as far as that is known."""
     from_s: float
     to_s: float
+    why: str = "no room"

@@ -1,27 +1,22 @@
 """Where hosts were and how they were turned, of late: for what their cameras will say they saw then."""
 
 import asyncio
-import logging
-from collections.abc import Callable
 
 from hsop_gcs.detections import PoseHistory
 from hsop_gcs.fleet import Fleet
 from hsop_gcs.geometry.frames import LocalFrame
 from hsop_gcs.link.protocol.telemetry import VehicleState
 from hsop_gcs.link.pump import Link
+from hsop_gcs.mission.clock import MissionClock
 
 _STEP_S = 0.025
-
-log = logging.getLogger(__name__)
 
 
 class Poses:
     """The histories of a fleet's hosts, by id, on the mission's clock."""
 
-    def __init__(self, fleet: Fleet, frame: LocalFrame, link: Link, clock: Callable[[], float]) -> None:
+    def __init__(self, fleet: Fleet, frame: LocalFrame, link: Link, clock: MissionClock) -> None:
         self.histories = {host.id: PoseHistory() for host in fleet.hosts}
-        self.faults: dict[str, str] = {}
-        """Hosts whose telemetry makes no pose now, and why."""
         self._fleet = fleet
         self._frame = frame
         self._link = link
@@ -35,15 +30,8 @@ class Poses:
             for host in self._fleet.hosts:
                 state, before = self._link.vehicles[host.system_id].state, seen.get(host.id)
                 history = self.histories[host.id]
-                try:
-                    after = with_telemetry(history, state, self._frame, ahead_s=ahead_s, before=before)
-                except Exception as error:  # what one host says costs no other its poses
-                    if host.id not in self.faults:
-                        log.exception("host %s: its poses are not kept", host.id)
-                    self.faults[host.id] = f"{type(error).__name__}: {error}"
-                    continue
-                self.faults.pop(host.id, None)
-                self.histories[host.id], seen[host.id] = after, state
+                self.histories[host.id] = with_telemetry(history, state, self._frame, ahead_s=ahead_s, before=before)
+                seen[host.id] = state
             await asyncio.sleep(_STEP_S)
 
 

@@ -7,10 +7,11 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from hsop_gcs.errors import BadInput
-from hsop_gcs.journal import Worth, read
+from hsop_gcs.journal import SNAPSHOT, Worth, read
 from hsop_gcs.link import events
 from hsop_gcs.link.events import Event
 from hsop_gcs.mission.inputs import (
+    ClockStepped,
     DecisionMade,
     EntriesGivenUp,
     HostDeparted,
@@ -33,9 +34,11 @@ from hsop_gcs.mission.inputs import (
     TimePassed,
     WishLapsed,
 )
+from hsop_gcs.mission.snapshots import MissionSaved, from_snapshot
 
 _PLAIN = (
     MissionStarted,
+    ClockStepped,
     ReportsArrived,
     RaysArrived,
     TimePassed,
@@ -55,8 +58,8 @@ _PLAIN = (
     WishLapsed,
     EntriesGivenUp,
 )
-_RAW = (ReportsArrived, RaysArrived, TimePassed)
-_PROMISED = (MissionStarted, HostsHeld, HostsRecalled, HostsReleased, ThreatDismissed)
+RAW = (ReportsArrived, RaysArrived, TimePassed)
+_PROMISED = (MissionStarted, ClockStepped, HostsHeld, HostsRecalled, HostsReleased, ThreatDismissed)
 _ADAPTERS: dict[str, TypeAdapter[Any]] = {cls.__name__: TypeAdapter(cls) for cls in _PLAIN}
 _EVENTS: dict[str, TypeAdapter[Any]] = {
     name: TypeAdapter(cls)
@@ -71,14 +74,14 @@ def to_record(given: Input) -> tuple[str, Any]:
     if isinstance(given, HostSpoke):
         name = type(given.event).__name__
         return kind, {"host": given.host, "event": name, "details": _EVENTS[name].dump_python(given.event, mode="json")}
-    data = _ADAPTERS[kind].dump_python(given, mode="json")
+    data = _ADAPTERS[kind].dump_python(given, mode="json", exclude_defaults=isinstance(given, RAW))
     del data["time_s"]
     return kind, data
 
 
 def worth_of(given: Input) -> Worth:
     """Return what an input is worth when not everything can be kept."""
-    if isinstance(given, _RAW):
+    if isinstance(given, RAW):
         return Worth.RAW
     return Worth.PROMISED if isinstance(given, _PROMISED) else Worth.PLAIN
 
@@ -89,6 +92,8 @@ def from_record(kind: str, data: Any, time_s: float) -> Input:
         if kind == HostSpoke.__name__:
             event = _EVENTS[data["event"]].validate_python(data["details"])
             return HostSpoke(time_s=time_s, host=data["host"], event=event)
+        if kind == SNAPSHOT:
+            return MissionSaved(time_s=time_s, state=from_snapshot(data))
         given: Input = _ADAPTERS[kind].validate_python({**data, "time_s": time_s})
     except (KeyError, TypeError, ValueError) as error:
         raise BadInput(kind, f"no entry of a mission's journal: {error}") from error

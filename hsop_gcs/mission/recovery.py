@@ -4,11 +4,13 @@ import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from hsop_gcs.journal import Entry, Journal
 from hsop_gcs.mission.core import MissionState, apply
 from hsop_gcs.mission.inputs import EntriesGivenUp, Input
-from hsop_gcs.mission.records import from_record
+from hsop_gcs.mission.records import RAW, from_record
+from hsop_gcs.mission.snapshots import MissionSaved
 
 log = logging.getLogger(__name__)
 
@@ -18,6 +20,7 @@ class Fold:
 
     def __init__(self) -> None:
         self.state = MissionState()
+        self.begun = False
         self.exact = True
         """Whether the state is the recorded mission's own; after inputs that were given up it is near to it."""
         self.given_up = 0
@@ -27,6 +30,10 @@ class Fold:
 
     def take(self, given: Input) -> None:
         """Go on by one input. Raises what ``apply`` does, as long as no input is missing."""
+        self.begun = True
+        if isinstance(given, MissionSaved):
+            self.state, self.exact = given.state, True
+            return
         if isinstance(given, EntriesGivenUp):
             self.exact = False
             self.given_up += sum(given.kinds.values())
@@ -39,8 +46,8 @@ class Fold:
 
 
 @contextmanager
-def resumed(path: Path) -> Iterator[tuple[Journal, MissionState]]:
-    """Open a mission's journal, or begin one; yields it with the mission as it left it.
+def resumed(path: Path, **settings: Any) -> Iterator[tuple[Journal, MissionState]]:
+    """Open a mission's journal, or begin one; yields it with the mission as it left it. settings: of ``Journal``.
 
     Raises what ``Journal`` does, and BadInput for a journal of something else.
     """
@@ -49,7 +56,7 @@ def resumed(path: Path) -> Iterator[tuple[Journal, MissionState]]:
     def take(entry: Entry) -> None:
         fold.take(from_record(entry.kind, entry.data, entry.time_s))
 
-    with Journal(path, take) as journal:
+    with Journal(path, take, raw=[kind.__name__ for kind in RAW], **settings) as journal:
         if not fold.exact:
             log.warning("journal %s: %d entries were given up; the mission goes on without them", path, fold.given_up)
         yield journal, fold.state

@@ -17,6 +17,7 @@ from hsop_gcs.mission.pipeline import decide
 from hsop_gcs.mission.planning import Decision, PlanningRules, Situation
 from hsop_gcs.mission.records import read_inputs, to_record
 from hsop_gcs.mission.recovery import Fold
+from hsop_gcs.mission.snapshots import MissionSaved, to_snapshot
 from hsop_gcs.placement.solution import Status
 from hsop_gcs.workers import workers
 
@@ -43,7 +44,7 @@ class Outcome:
     detections: int
     decisions: int
     given_up: int
-    """Entries that the journal does not have, for neither disk nor memory had room."""
+    """Entries that the journal does not have: neither disk nor memory had room, or a segment is gone."""
     recorded_s: float
     replayed_in_s: float
     differences: tuple[Difference, ...]
@@ -66,12 +67,15 @@ def replay(
     began = now()
     differences: list[Difference] = []
     checks: list[tuple[int, DecisionMade, Future[Decision]]] = []
-    fold, entries, reports, detections, first_s, last_s = Fold(), 0, 0, 0, None, 0.0
+    fold, first, last, missing, reports, detections, first_s, last_s = Fold(), 0, 0, 0, 0, 0, None, 0.0
     with workers(jobs) as pool:
         for number, given in read_inputs(path):
             first_s = given.time_s if first_s is None else first_s
-            last_s, entries = given.time_s, number
-            state = fold.state
+            first = first or number
+            if isinstance(given, MissionSaved) and last and number > last + 1:
+                # a segment that is not there any more: what is saved here goes on from it
+                fold.exact, missing = False, missing + number - last - 1
+            last_s, last, state = given.time_s, number, fold.state
             inside = fold.exact and from_s <= given.time_s - first_s <= to_s
             if isinstance(given, SolverAsked) and inside:
                 differences += _situation_differences(number, given, state)
@@ -82,16 +86,18 @@ def replay(
                 reports += len(given.measurements)
             elif isinstance(given, RaysArrived):
                 detections += len(given.rays)
+            elif isinstance(given, MissionSaved) and fold.begun and fold.exact:
+                differences += _state_differences(number, given, state)
             fold.take(given)
             progress(number)
         for number, recorded, decided in checks:
             differences += _decision_differences(number, recorded, decided.result())
     return Outcome(
-        entries=entries,
+        entries=last - first + (first > 0),
         reports=reports,
         detections=detections,
         decisions=len(checks),
-        given_up=fold.given_up,
+        given_up=fold.given_up + missing,
         recorded_s=last_s - (first_s or 0.0),
         replayed_in_s=now() - began,
         differences=tuple(sorted(differences, key=lambda each: each.entry)),
@@ -107,6 +113,14 @@ def _situation_differences(number: int, given: SolverAsked, state: MissionState)
     asked = given.situation
     again = situation(state, asked.movers, asked.now_s, standing=asked.standing)
     yield from _differences(number, given, "situation", given.situation, again)
+
+
+def _state_differences(number: int, given: MissionSaved, state: MissionState) -> Iterator[Difference]:
+    """Whether the mission has come to what the recorded one was saved as."""
+    if state == given.state:
+        return
+    for path, left, right in _leaves("state", to_snapshot(given.state), to_snapshot(state)):
+        yield Difference(entry=number, time_s=given.time_s, what=path, recorded=left, replayed=right)
 
 
 def _decision_differences(number: int, given: DecisionMade, again: Decision) -> Iterator[Difference]:

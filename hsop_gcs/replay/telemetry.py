@@ -14,7 +14,7 @@ from hsop_gcs.link.messages import (
     CommandLong,
     SetPositionTargetGlobalInt,
 )
-from hsop_gcs.link.protocol.speaker import is_autopilots, is_foreign
+from hsop_gcs.link.protocol.speaker import Speaker, begins_link, is_foreign
 from hsop_gcs.link.protocol.telemetry import Telemetry
 from hsop_gcs.link.tlog import read_tlog
 
@@ -49,10 +49,8 @@ def retell(path: Path) -> Iterator[Line]:
             if told is not None:
                 system, what = told
                 yield Line(time_s=elapsed_s, system=system, kind="told", what=what)
-            elif frame.component == 1:
-                if is_foreign(frame.message, frame.component):
-                    continue
-                if frame.system not in vehicles and is_autopilots(frame.message):
+            else:
+                if frame.system not in vehicles and begins_link(frame.message, frame.component):
                     vehicles[frame.system] = _Vehicle(frame.system)
                 if frame.system in vehicles:
                     yield from vehicles[frame.system].receive(frame, elapsed_s)
@@ -82,10 +80,16 @@ class _Vehicle:
     def __init__(self, system: int) -> None:
         self._system = system
         self._telemetry = Telemetry(system)
+        self._speaker = Speaker()
         self._flight = ""
 
     def receive(self, frame: Frame, now: float) -> Iterator[Line]:
-        self._telemetry.receive(frame.message, now)
+        if self._speaker.receive(frame.message, now, component=frame.component):
+            self._telemetry.begin_anew(self._speaker.component)
+        autopilot = self._speaker.component
+        if frame.component != autopilot or is_foreign(frame.message, frame.component, autopilot=autopilot):
+            return
+        self._telemetry.receive(frame.message, now, component=frame.component)
         if isinstance(frame.message, CommandAck):
             result = MavResult(frame.message.result).name if frame.message.result in list(MavResult) else "?"
             yield self._line(now, "answered", f"{_name(frame.message.command)}: {result}")

@@ -8,6 +8,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from hsop_gcs.errors import BadInput
 from hsop_gcs.fleet import FlightLimits
+from hsop_gcs.journal import KEEP_BYTES
 from hsop_gcs.link.codec import message_ids
 from hsop_gcs.link.endpoint import parse_endpoint
 from hsop_gcs.link.key_files import read_key
@@ -60,6 +61,8 @@ class ServiceSection(Section):
     max_body_bytes: Annotated[int, Field(gt=0)] = 1_000_000
     journal: Annotated[str, Field(min_length=1)] | None = None
     """Where everything that happens is written down; a mission found there goes on. None: nowhere."""
+    journal_keep_bytes: Annotated[int, Field(ge=0)] = KEEP_BYTES
+    """What closed segments of the journal may take, compressed, before the oldest lose their raw reports."""
     tlog: Annotated[str, Field(min_length=1)] | None = None
     """The folder in which each run writes a telemetry log of every frame received and sent. None: nowhere."""
 

@@ -2,7 +2,8 @@
 
 Its surprises, all on purpose: DO_REPOSITION takes its altitude as AMSL whatever the frame says; its flags must be 1,
 else UNSUPPORTED, though the navigator may move all the same; a point outside the fence is ACCEPTED and not flown; x and
-y of a COMMAND_INT are scaled by 1e-7 whatever they mean; DO_SET_MODE is acknowledged twice, at first without looking.
+y of a COMMAND_INT are scaled by 1e-7 whatever they mean; DO_SET_MODE is acknowledged twice, at first without looking;
+told to return or land on the ground it stays in that mode, in which it does not arm.
 Its gimbal manager has a module of its own.
 
 Sources: a recording of v1.16.0; PX4-Autopilot Commander.cpp, navigator_main.cpp.
@@ -53,6 +54,7 @@ class Mode(IntEnum):
     LAND = 0x0604_0000
 
 
+_NOT_TO_ARM_IN = {Mode.RETURN, Mode.LAND}
 _ON_REQUEST = {AutopilotVersion.ID, GimbalManagerInformation.ID}
 _INT32_MAX = 2**31 - 1
 _DISARM_UNFLOWN_S = 10.0
@@ -184,7 +186,7 @@ class Px4(Vehicle):
 
     def _arm_disarm(self, order: Order) -> MavResult:
         if order.p1 == 1:
-            if not self.ready or self.suffers(FaultKind.DENY_ARM):
+            if not self.ready or self.mode in _NOT_TO_ARM_IN or self.suffers(FaultKind.DENY_ARM):
                 self._say("Arming denied: Resolve system health failures first", MavSeverity.CRITICAL)
                 return MavResult.TEMPORARILY_REJECTED
             if not self.armed:

@@ -5,9 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hsop_gcs.reports import Measurement
 from hsop_gcs.tracks import kernels
 from hsop_gcs.tracks.filter import FloatArray
-from hsop_gcs.tracks.history import History, Log
+from hsop_gcs.tracks.history import Arrays, History, Log
 from hsop_gcs.tracks.kernels import IntArray
 from hsop_gcs.tracks.measured import numbers_of
 from hsop_gcs.tracks.rules import TrackRules
@@ -24,6 +25,19 @@ class Name(NamedTuple):
     source: str
     source_threat_id: str | None
     sources: tuple[Binding, ...] = ()
+
+
+class Packed(NamedTuple):
+    """A table as plain values: all that its future depends on."""
+
+    names: tuple[Name, ...]
+    facts: FloatArray
+    """(tracks, kernels.FACTS); the newest steps are places in ``steps``."""
+    steps: Arrays
+    """Nothing but what tracks remember."""
+    measurements: list[Measurement]
+    """One for each step."""
+    rules: TrackRules
 
 
 class Table(Mapping[str, Track]):
@@ -55,6 +69,24 @@ class Table(Mapping[str, Track]):
             table.facts[:, kernels.NEWEST] = newest
             table.rules, table.numbers = rules, numbers_of(rules)
         return table
+
+    def packed(self) -> Packed:
+        """Return the table as plain values."""
+        log, newest = self.log.without_the_past(self.newest, self.rules.memory_s)
+        facts = self.facts.copy()
+        facts[:, kernels.NEWEST] = newest
+        size = len(log.measurements)
+        return Packed(self.names, facts, log.steps.changed(lambda array: array[:size]), log.measurements, self.rules)
+
+    @classmethod
+    def of_packed(cls, packed: Packed) -> "Table":
+        """Return the table of plain values; what is made of it afterwards is the same to the bit."""
+        log = Log()
+        log.make_room(len(packed.measurements))
+        for array, given in zip(log.steps, packed.steps, strict=True):
+            array[: len(packed.measurements)] = given
+        log.measurements = list(packed.measurements)
+        return cls(log, packed.names, _rows(packed.names), packed.facts, packed.rules, numbers_of(packed.rules))
 
     def without(self, track_ids: Container[str], facts: FloatArray) -> "Table":
         """Return a table of the other tracks, whose ``facts`` these are."""

@@ -120,6 +120,18 @@ def test_refused_reports_are_counted_by_field(client: httpx2.Client) -> None:
     assert after["refused_by_field"]["sigma_m"] == before["refused_by_field"].get("sigma_m", 0) + 1
 
 
+def test_a_source_of_which_everything_is_refused_is_named_whatever_is_wrong(client: httpx2.Client) -> None:
+    for _ in range(3):
+        is_problem(post(client, report("t1", source="old", position=position(altitude_datum="hae"))), 422)
+        is_problem(post(client, report("t1", source="tin", time="yesterday")), 422)
+    told = [each for each in client.get("/api/v1/health").json()["problems"] if each.startswith("source")]
+    assert [each.partition(": ")[0] for each in told] == ["source 'tin'", "source 'old'"]
+    assert "position.altitude_datum: 'hae' needs site.geoid_separation_m" in told[1]
+    post(client, report("t9", source="old")).raise_for_status()
+    told = [each for each in client.get("/api/v1/health").json()["problems"] if each.startswith("source")]
+    assert [each.partition(": ")[0] for each in told] == ["source 'tin'"]
+
+
 def test_a_report_repeated_is_refused_and_the_track_kept(client: httpx2.Client) -> None:
     once = report("repeated")
     assert post(client, once).status_code == 200

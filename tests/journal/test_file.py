@@ -68,7 +68,7 @@ def test_opening_tells_what_is_there_and_leaves_it_alone_if_that_is_refused(tmp_
 def test_a_line_torn_at_any_byte_is_cut_off_and_told(tmp_path: Path) -> None:
     path = tmp_path / "j"
     whole = written(path, 3)
-    third = whole.index(b"\n", whole.index(b"\n") + 1) + 1
+    third = whole.rindex(b"\n", 0, -1) + 1
     for size in range(third + 1, len(whole)):
         path.write_bytes(whole[:size])
         assert [entry.number for entry in read(path)] == [1, 2]
@@ -82,9 +82,9 @@ def test_damage_in_the_middle_is_not_passed_over(tmp_path: Path) -> None:
     path = tmp_path / "j"
     whole = written(path, 3)
     path.write_bytes(whole.replace(b'"k":1', b'"k":9'))
-    with pytest.raises(BadInput, match="line 2 is damaged"):
+    with pytest.raises(BadInput, match="line 3 is damaged"):
         list(read(path))
-    with pytest.raises(BadInput, match="line 2 is damaged"):
+    with pytest.raises(BadInput, match="line 3 is damaged"):
         Journal(path)
 
 
@@ -99,7 +99,20 @@ def test_what_is_no_journal_is_refused_and_left_alone(tmp_path: Path, text: str)
     assert path.read_text() == text
 
 
-@pytest.mark.parametrize("size", [0, 1, 5, 7, 30])
+@pytest.mark.parametrize("number", [b"1", b"3", b"17"])
+def test_a_journal_of_another_format_is_refused_by_its_number(tmp_path: Path, number: bytes) -> None:
+    path = tmp_path / "j"
+    text = b'{"n":1,"t":1.0,"kind":"a","data":0,"crc":"1"}\n'
+    if number != b"1":
+        text = written(path, 1).replace(b'"format":2', b'"format":' + number)
+    path.write_bytes(text)
+    for look in (Journal, lambda path: list(read(path))):
+        with pytest.raises(BadInput, match=f"is a journal of format {number.decode()}, and format 2 is read here"):
+            look(path)
+    assert path.read_bytes() == text
+
+
+@pytest.mark.parametrize("size", [0, 1, 5, 7, 30, 60])
 def test_a_first_line_that_is_torn_is_cut_off(tmp_path: Path, size: int) -> None:
     path = tmp_path / "j"
     path.write_bytes(written(path, 1)[:size])
@@ -112,8 +125,8 @@ def test_a_first_line_that_is_torn_is_cut_off(tmp_path: Path, size: int) -> None
 def test_a_missing_line_is_noticed(tmp_path: Path) -> None:
     path = tmp_path / "j"
     lines = written(path, 3).splitlines(keepends=True)
-    path.write_bytes(lines[0] + lines[2])
-    with pytest.raises(BadInput, match="line 2 is damaged"):
+    path.write_bytes(lines[0] + lines[1] + lines[3] + lines[3])
+    with pytest.raises(BadInput, match="line 3 is damaged"):
         list(read(path))
 
 

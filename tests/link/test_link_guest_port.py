@@ -8,8 +8,9 @@ import pytest
 
 from hsop_gcs.errors import Unavailable
 from hsop_gcs.link.codec import Decoder, Encoder
+from hsop_gcs.link.enums import MavCmd
 from hsop_gcs.link.guest_port import GuestPort
-from hsop_gcs.link.messages import Heartbeat, Message, ParamSet
+from hsop_gcs.link.messages import CommandLong, Heartbeat, Message, ParamSet
 from hsop_gcs.link.pump import Link
 from tests.link.test_link_udp import Radio, until
 from tests.service import free_udp_port
@@ -82,6 +83,9 @@ def test_guests_are_shown_their_vehicle_alone_and_are_few_and_forgotten_when_sil
             assert not any(isinstance(frame.message, ParamSet) for frame in two.heard)
             await vehicles_speak()
             assert guests[8].shown() == {1}, "there is room for it now"
+            guests[8].say(CommandLong(target_system=1, command=MavCmd.COMPONENT_ARM_DISARM, param1=1.0))
+            await until(lambda: link.vehicle_link(1).withheld.get("command 400") == 1)
+            assert guests[8].shown() == {1}, "denied in the vehicle's name"
         for radio in (one, two):
             radio.close()
         for guest in guests:

@@ -7,7 +7,7 @@ import pytest
 
 from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
 from hsop_gcs.link.adapters import ARDUPILOT, PX4, Adapter
-from hsop_gcs.link.enums import MavAutopilot, MavCmd, MavLandedState, MavModeFlag, MavResult
+from hsop_gcs.link.enums import MavAutopilot, MavCmd, MavLandedState, MavModeFlag, MavResult, MavType
 from hsop_gcs.link.events import Arrived, Drifted, Event, OrderAccepted, OrderFailed
 from hsop_gcs.link.messages import (
     Attitude,
@@ -58,7 +58,7 @@ class Bench:
         lat, lon = round(place.lat_deg * 1e7), round(place.lon_deg * 1e7)
         base_mode = MavModeFlag.SAFETY_ARMED if self.armed else MavModeFlag.CUSTOM_MODE_ENABLED
         self.hear(
-            Heartbeat(autopilot=self.autopilot, custom_mode=self.mode, base_mode=base_mode),
+            Heartbeat(type=MavType.QUADROTOR, autopilot=self.autopilot, custom_mode=self.mode, base_mode=base_mode),
             Attitude(yaw=math.radians(self.heading_deg)),
             GlobalPositionInt(
                 lat=lat, lon=lon, alt=round(place.altitude_amsl_m * 1000), hdg=round(self.heading_deg * 100)
@@ -287,7 +287,14 @@ def test_a_gust_is_no_drift_and_leaving_is(bench: Bench) -> None:
 
 def test_an_old_position_takes_no_order(bench: Bench) -> None:
     bench.silence(3.0)
-    bench.hear(Heartbeat(autopilot=MavAutopilot.PX4, custom_mode=bench.mode, base_mode=MavModeFlag.SAFETY_ARMED))
+    bench.hear(
+        Heartbeat(
+            type=MavType.QUADROTOR,
+            autopilot=MavAutopilot.PX4,
+            custom_mode=bench.mode,
+            base_mode=MavModeFlag.SAFETY_ARMED,
+        )
+    )
     bench.order()
     assert bench.reason() == "the vehicle's position is not known"
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from hsop_gcs.geometry.frames import Aim, GeodeticPoint
 from hsop_gcs.link.codec import Decoder, Encoder
-from hsop_gcs.link.enums import MavAutopilot, MavCmd, MavLandedState, MavModeFlag, MavResult
+from hsop_gcs.link.enums import MavAutopilot, MavCmd, MavLandedState, MavModeFlag, MavResult, MavType
 from hsop_gcs.link.events import Arrived, OrderEvent, OrderFailed, OrderSuperseded
 from hsop_gcs.link.messages import (
     Attitude,
@@ -34,7 +34,7 @@ ROOT = Path(__file__).parents[2]
 POINT = GeodeticPoint(lat_deg=47.0, lon_deg=8.0, altitude_amsl_m=525.0)
 ORDINARY: list[Message] = [
     *(
-        Heartbeat(autopilot=autopilot, custom_mode=mode, base_mode=MavModeFlag.SAFETY_ARMED)
+        Heartbeat(type=MavType.QUADROTOR, autopilot=autopilot, custom_mode=mode, base_mode=MavModeFlag.SAFETY_ARMED)
         for autopilot, mode in (
             (MavAutopilot.PX4, 50593792),
             (MavAutopilot.ARDUPILOTMEGA, 4),

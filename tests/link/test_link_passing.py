@@ -5,8 +5,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hsop_gcs.link.codec import Decoder, Encoder, is_signed
 from hsop_gcs.link.endpoint import Peer
-from hsop_gcs.link.enums import MavAutopilot, MavCmd
+from hsop_gcs.link.enums import MavAutopilot, MavCmd, MavResult, MavType
 from hsop_gcs.link.messages import (
+    CommandAck,
     CommandInt,
     CommandLong,
     FileTransferProtocol,
@@ -31,7 +32,7 @@ def heard_router(*, signed: bool = False) -> Router:
     router = Router([1, 2, 3], signing={0: Signing(bytes(32), clock=SigningClock(lambda: 1.8e9))} if signed else {})
     for system in (1, 2):
         vehicle = Encoder(system=system, component=1, sign=sign.sign if signed else None)
-        router.receive(vehicle.encode(Heartbeat(autopilot=MavAutopilot.PX4)), HERE, 0.0)
+        router.receive(vehicle.encode(Heartbeat(type=MavType.QUADROTOR, autopilot=MavAutopilot.PX4)), HERE, 0.0)
     router.take_outgoing()
     return router
 
@@ -75,6 +76,39 @@ def test_what_flies_a_vehicle_is_withheld_and_counted(message: Message, why_not:
     router.forward(1, GUEST.encode(message) + GUEST.encode(message))
     assert router.take_outgoing() == []
     assert router.vehicle_link(1, 0.0).withheld == {why_not: 2}
+
+
+@pytest.mark.parametrize("kind", [CommandLong, CommandInt])
+@pytest.mark.parametrize(
+    ("system", "target", "component", "command", "result"),
+    [
+        (1, 1, 1, MavCmd.COMPONENT_ARM_DISARM, MavResult.DENIED),
+        (1, 0, 0, MavCmd.NAV_TAKEOFF, MavResult.DENIED),
+        (1, 1, 154, MavCmd.DO_GIMBAL_MANAGER_PITCHYAW, MavResult.DENIED),
+        (3, 3, 1, MavCmd.REQUEST_MESSAGE, MavResult.TEMPORARILY_REJECTED),
+    ],
+)
+def test_a_command_that_does_not_pass_is_answered_to_its_sender_by_its_addressee(
+    kind: type[CommandLong | CommandInt], system: int, target: int, component: int, command: int, result: int
+) -> None:
+    router = heard_router()
+    message = kind(target_system=target, target_component=component, command=command)
+    (raw,) = router.forward(system, GUEST.encode(message))
+    (frame,) = Decoder().feed_datagram(raw)
+    assert (frame.system, frame.component) == (system, component or 1)
+    assert frame.message == CommandAck(command=command, result=result, target_system=245, target_component=190)
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        CommandLong(target_system=2, command=MavCmd.COMPONENT_ARM_DISARM),
+        CommandLong(target_system=1, command=MavCmd.REQUEST_MESSAGE),
+        SetMode(target_system=1),
+    ],
+)
+def test_what_passes_or_is_another_systems_or_no_command_is_not_answered(message: Message) -> None:
+    assert heard_router().forward(1, GUEST.encode(message)) == []
 
 
 @pytest.mark.parametrize("signed", [False, True])

@@ -7,7 +7,7 @@ import pytest
 
 from hsop_gcs.geometry.frames import Aim, GeodeticPoint
 from hsop_gcs.link.adapters import ARDUPILOT, PX4, adapter_for
-from hsop_gcs.link.enums import GimbalFlags, MavAutopilot, MavLandedState, MavModeFlag
+from hsop_gcs.link.enums import GimbalFlags, MavAutopilot, MavLandedState, MavModeFlag, MavType
 from hsop_gcs.link.events import Event, ModeChanged, StatusTextReceived
 from hsop_gcs.link.messages import (
     Attitude,
@@ -136,10 +136,13 @@ def test_a_vehicle_that_takes_off_or_lands_is_in_the_air(landed_state: int, in_a
 
 def test_the_heartbeat_tells_autopilot_mode_and_arming() -> None:
     telemetry = Telemetry(1)
-    telemetry.receive(Heartbeat(autopilot=MavAutopilot.PX4, custom_mode=50593792), 0.0)
+    telemetry.receive(Heartbeat(type=MavType.QUADROTOR, autopilot=MavAutopilot.PX4, custom_mode=50593792), 0.0)
     assert (telemetry.state.autopilot, telemetry.state.mode, telemetry.state.armed) == ("px4", "Hold", False)
     telemetry.receive(
-        Heartbeat(autopilot=MavAutopilot.PX4, custom_mode=84148224, base_mode=MavModeFlag.SAFETY_ARMED), 1.0
+        Heartbeat(
+            type=MavType.QUADROTOR, autopilot=MavAutopilot.PX4, custom_mode=84148224, base_mode=MavModeFlag.SAFETY_ARMED
+        ),
+        1.0,
     )
     assert telemetry.state.armed is True
     assert telemetry.take_events() == [ModeChanged(system=1, before="Hold", after="Return")]
@@ -147,10 +150,10 @@ def test_the_heartbeat_tells_autopilot_mode_and_arming() -> None:
 
 def test_an_autopilot_we_do_not_know_has_no_adapter() -> None:
     telemetry = Telemetry(1)
-    telemetry.receive(Heartbeat(autopilot=MavAutopilot.GENERIC, custom_mode=4), 0.0)
+    telemetry.receive(Heartbeat(type=MavType.QUADROTOR, autopilot=MavAutopilot.GENERIC, custom_mode=4), 0.0)
     assert (telemetry.state.autopilot, telemetry.adapter) == ("other", None)
-    assert adapter_for(MavAutopilot.PX4) is PX4
-    assert adapter_for(MavAutopilot.ARDUPILOTMEGA) is ARDUPILOT
+    assert adapter_for(MavAutopilot.PX4, MavType.QUADROTOR) is PX4
+    assert adapter_for(MavAutopilot.ARDUPILOTMEGA, MavType.HEXAROTOR) is ARDUPILOT
 
 
 def test_a_battery_that_says_minus_one_says_nothing() -> None:
@@ -183,7 +186,7 @@ def test_a_constant_position_is_no_fault_of_an_estimator_that_rests_on_the_groun
 
 def test_what_another_component_says_of_itself_is_not_the_vehicle() -> None:
     telemetry = Telemetry(1)
-    telemetry.receive(Heartbeat(autopilot=MavAutopilot.INVALID), 0.0, component=154)
+    telemetry.receive(Heartbeat(type=MavType.QUADROTOR, autopilot=MavAutopilot.INVALID), 0.0, component=154)
     telemetry.receive(Attitude(yaw=1.0), 0.0, component=154)
     assert telemetry.state == VehicleState(system=1)
 

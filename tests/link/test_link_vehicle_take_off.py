@@ -5,6 +5,7 @@ import pytest
 from hsop_gcs.link.enums import MavCmd
 from hsop_gcs.link.events import OrderFailed, TookOff
 from hsop_gcs.link.messages import CommandLong
+from hsop_gcs.simulator.faults import Faults, parse_fault
 from tests.link.two_ends import BAD, BOTH, METRE, Stack, TwoEnds
 
 
@@ -44,6 +45,31 @@ def test_px4_is_told_the_altitude_above_the_sea() -> None:
     ((_, message),) = ends.sent(MavCmd.NAV_TAKEOFF)
     assert isinstance(message, CommandLong)
     assert message.param7 == pytest.approx(515.0, abs=0.2 * METRE)
+
+
+@BOTH
+def test_a_vehicle_left_in_a_mode_that_does_not_arm_takes_off_all_the_same(stack: Stack) -> None:
+    ends = TwoEnds(stack, airborne_m=0.0).standing()
+    ends.run(8.0)
+    ends.vehicle.return_to_launch(ends.now)
+    ends.until(lambda: ends.vehicle.state.mode in ("Return", "RTL"))
+    ends.vehicle.take_off(15.0, ends.now)
+    ends.until(lambda: ends.saw(TookOff), within_s=40.0)
+
+
+@BOTH
+def test_a_mode_that_is_acknowledged_and_not_taken_is_asked_for_again_before_arming(stack: Stack) -> None:
+    ends = TwoEnds(stack, airborne_m=0.0).standing()
+    ends.run(8.0)
+    ends.vehicle.return_to_launch(ends.now)
+    ends.until(lambda: ends.vehicle.state.mode in ("Return", "RTL"))
+    ends.sim.faults = Faults([parse_fault("reject=DO_SET_MODE,result=ACCEPTED,count=1", 1)])
+    ends.vehicle.take_off(15.0, ends.now)
+    ends.run(2.5)
+    assert len(ends.sent(MavCmd.DO_SET_MODE)) == 1
+    assert ends.sent(MavCmd.COMPONENT_ARM_DISARM) == []
+    ends.until(lambda: ends.saw(TookOff), within_s=40.0)
+    assert len(ends.sent(MavCmd.DO_SET_MODE)) == 2
 
 
 @BOTH

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 import pytest
@@ -72,12 +72,12 @@ class TwoEnds:
         end = self.now + duration_s
         self.until(lambda: self.now >= end, within_s=duration_s + 1.0)
 
-    def standing(self) -> "TwoEnds":
+    def standing(self) -> Self:
         """Let time pass until the vehicle is known to stand on the ground, and its home is."""
         self.until(lambda: self.vehicle.state.home is not None and self.vehicle.state.in_air is False)
         return self
 
-    def ready(self) -> "TwoEnds":
+    def ready(self) -> Self:
         """Let time pass until the vehicle can take a hover order."""
         self.until(lambda: self.vehicle.why_not_ready(self.now) is None)
         return self

@@ -17,6 +17,7 @@ from hsop_gcs.fleet import Fleet, Host
 from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
 from hsop_gcs.journal import Journal
 from hsop_gcs.link.pump import Link
+from hsop_gcs.mission.clock import MissionClock
 from hsop_gcs.mission.controller import Mission
 from hsop_gcs.mission.core import MissionState
 from hsop_gcs.mission.inputs import Rules
@@ -38,9 +39,15 @@ ORIGIN = GeodeticPoint(lat_deg=47.397742, lon_deg=8.545594, altitude_amsl_m=488.
 EPOCH_S = 1_800_000_000.0
 PORT = 14550
 
+UTC = Callable[[float], float]
+"""What a clock shows at a time after the epoch."""
 Truth = Callable[[float], list[TrueState]]
 """The threats at a time, seconds after the epoch."""
 Decide = Callable[[Situation, PlanningRules], Decision]
+
+
+def true_utc(time_s: float) -> float:
+    return EPOCH_S + time_s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +71,10 @@ class Flight:
     """From an exposure to the service."""
     solve_s: float = 0.5
     """What a decision takes of the virtual time."""
+    wall: UTC = true_utc
+    """The system clock of the service."""
+    radar_clock: UTC = true_utc
+    cameras_clock: UTC = true_utc
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,6 +109,7 @@ class _Solver(Solver):
     """Decides at once, and gives the answer when it is due."""
 
     def __init__(self, solve: Decide, solve_s: float) -> None:
+        super().__init__()
         self._solve = solve
         self._solve_s = solve_s
 
@@ -119,7 +131,9 @@ async def _fly(
     recovered: MissionState | None,
 ) -> Mission:
     loop = asyncio.get_running_loop()
-    clock = lambda: EPOCH_S + loop.time()  # noqa: E731
+    clock = MissionClock(
+        lambda: flight.wall(loop.time()), loop.time, before=recovered.timeline if recovered is not None else None
+    )
     hosts = [Host(id=f"h{n}", system_id=n, connection=f"udpin:127.0.0.1:{PORT}") for n in range(1, flight.hosts + 1)]
     fleet = SimulatedFleet(
         FleetConfig(
@@ -177,7 +191,7 @@ async def _radar(flight: Flight, mission: Mission) -> None:
                 Report(
                     source="radar",
                     threat_id=state.id,
-                    time_s=EPOCH_S + due_s,
+                    time_s=flight.radar_clock(due_s),
                     position_m=(x, y, z),
                     sigma_m=flight.radar_sigma_m,
                 )
@@ -201,7 +215,7 @@ async def _cameras(flight: Flight, mission: Mission, fleet: SimulatedFleet, watc
         seen: list[Detection] = []
         seen_by: dict[str, set[str]] = {state.id: set() for state in truth}
         for state in truth:
-            images = look(viewers, [state], EPOCH_S + due_s, rng)
+            images = look(viewers, [state], flight.cameras_clock(due_s), rng)
             seen_by[state.id] = {image.host for image in images}
             seen += images
         await sleep_until(due_s + flight.latency_s)

@@ -8,6 +8,7 @@ import pytest
 
 from hsop_gcs.fleet import FlightLimits
 from hsop_gcs.geometry.frames import GeodeticPoint
+from hsop_gcs.link.enums import MavType
 from hsop_gcs.link.protocol.telemetry import VehicleState
 from hsop_gcs.mission.gates import Aircraft, Closed, closed
 from hsop_gcs.placement.airspace import Airspace, KeepOut
@@ -19,6 +20,7 @@ FLYING = VehicleState(
     system=1,
     link_up=True,
     autopilot="px4",
+    type=MavType.QUADROTOR,
     armed=True,
     in_air=True,
     position=HERE,

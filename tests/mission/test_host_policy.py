@@ -74,7 +74,7 @@ def test_all_hosts_are_placed_for_an_error_that_none_reach() -> None:
 
 
 def test_the_target_is_the_default_and_survives_the_journal() -> None:
-    started = MissionStarted(time_s=1e9, rules=Rules())
+    started = MissionStarted(time_s=1e9, rules=Rules(), hosts=())
     assert started.rules.planning.hosts == TargetError(target_error_m=1.0)
     kind, data = to_record(started)
     assert from_record(kind, data, 1e9) == started

@@ -153,6 +153,58 @@ def test_recall_brings_everybody_home_and_nothing_sends_them_out_again(autopilot
     assert kinds(mission).count("HostDeparted") == 2
 
 
+@STACKS
+def test_a_recall_sends_nothing_to_a_host_on_the_ground_and_it_takes_off_when_told(autopilot: Autopilot) -> None:
+    modes: set[str | None] = set()
+
+    def watch(moment: Moment) -> None:
+        mission = moment.mission
+        if moment.time_s == pytest.approx(15.0, abs=0.01):
+            assert mission.recall(["h1"]) == ["h1"]
+            assert mission.on_the_ground(["h1", "h2"]) == ["h1", "h2"]
+        elif 15.0 < moment.time_s < 20.0:
+            modes.add(mission.vehicle(mission.fleet.hosts[0]).state.mode)
+        elif moment.time_s == pytest.approx(20.0, abs=0.01):
+            assert mission.state.pending == {}
+            mission.take_off(20.0, ["h1"])
+
+    mission = flown(watch, duration_s=40.0, altitude_m=0.0, autopilot=autopilot)
+    assert modes.isdisjoint({"Return", "RTL"})
+    assert mission.vehicle(mission.fleet.hosts[0]).state.in_air
+    assert "TookOff" in kinds(mission, "h1")
+
+
+def test_a_recall_gives_up_a_take_off_that_has_not_left_the_ground() -> None:
+    def watch(moment: Moment) -> None:
+        mission = moment.mission
+        if moment.time_s == pytest.approx(15.0, abs=0.01):
+            mission.take_off(20.0, ["h1"])
+        elif moment.time_s == pytest.approx(17.0, abs=0.01):
+            status = mission.vehicle(mission.fleet.hosts[0]).take_off_status
+            assert status == "arming: COMPONENT_ARM_DISARM: FAILED (Arm: Compass not healthy)"
+            mission.recall(["h1"])
+
+    fault = parse_fault("deny-arm@0+18", 2)
+    mission = flown(watch, duration_s=35.0, altitude_m=0.0, autopilot=Autopilot.ARDUPILOT, faults=(fault,))
+    assert mission.vehicle(mission.fleet.hosts[0]).state.armed is False
+    assert mission.state.pending == {}
+    assert "OrderSuperseded" in kinds(mission, "h1")
+
+
+def test_a_recall_brings_back_what_left_the_ground_as_it_was_ordered() -> None:
+    def watch(moment: Moment) -> None:
+        mission = moment.mission
+        state = mission.vehicle(mission.fleet.hosts[0]).state
+        if moment.time_s == pytest.approx(15.0, abs=0.01):
+            mission.take_off(20.0, ["h1"])
+        elif moment.time_s > 15.0 and state.armed and not mission.state.held and not state.in_air:
+            mission.recall(["h1"])
+
+    mission = flown(watch, duration_s=60.0, altitude_m=0.0, autopilot=Autopilot.ARDUPILOT)
+    assert not mission.vehicle(mission.fleet.hosts[0]).state.in_air
+    assert mission.state.pending == {}
+
+
 def test_nobody_takes_off_unless_an_operator_says_so() -> None:
     def watch(moment: Moment) -> None:
         mission = moment.mission

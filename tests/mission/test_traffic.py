@@ -53,7 +53,7 @@ PLACES: dict[str, Point] = {"h1": (0.0, 0.0, 40.0), "h2": (60.0, 0.0, 40.0)}
 def flying(*goals: tuple[str, Point], via: tuple[Point, ...] = (), airspace: Airspace | None = None) -> MissionState:
     """A mission with one threat far away, and a plan that flies to these goals, in this order."""
     rules = Rules(autonomy=Autonomy.AUTO, planning=PlanningRules(airspace=airspace or Airspace()))
-    mission = apply(MissionState(), MissionStarted(time_s=NOW_S, rules=rules))
+    mission = apply(MissionState(), MissionStarted(time_s=NOW_S, rules=rules, hosts=("h1", "h2", "h3")))
     mission = reported(mission, (0.0, 500.0, 40.0), NOW_S, "t1")
     orders = tuple(HostOrder(host=host, position_m=goal, heading_deg=0, aim=None, views=()) for host, goal in goals)
     placement = Placement(status=Status.FEASIBLE, formulation=Formulation.OPERATIONAL, objective=Objective.LETTER)
@@ -386,7 +386,7 @@ def test_after_a_hold_or_recall_nothing_flies_unasked_not_even_after_a_restart(o
     mission, _ = moved(flying(("h1", (0, 90, 40)), ("h2", (60, 90, 40))))
     assert mission.autonomy is Autonomy.AUTO
     stopped = apply(mission, order(time_s=NOW_S, hosts=("h1", "h2")))
-    restarted = apply(stopped, MissionStarted(time_s=NOW_S + 1, rules=mission.rules))
+    restarted = apply(stopped, MissionStarted(time_s=NOW_S + 1, rules=mission.rules, hosts=("h1", "h2", "h3")))
     for each in (stopped, restarted):
         assert each.autonomy is Autonomy.CONFIRM
         assert moved(each)[1] == []
@@ -396,6 +396,37 @@ def test_after_a_hold_or_recall_nothing_flies_unasked_not_even_after_a_restart(o
     everyone = apply(stopped, HostsReleased(time_s=NOW_S, hosts=("h1", "h2"), everyone=True))
     assert everyone.autonomy is Autonomy.AUTO
     assert everyone.aside == {}
+
+
+def restarted(mission: MissionState, *hosts: str, autonomy: Autonomy = Autonomy.AUTO) -> MissionState:
+    rules = replace(mission.rules, autonomy=autonomy)
+    return apply(mission, MissionStarted(time_s=NOW_S + 1, rules=rules, hosts=hosts))
+
+
+def test_after_a_restart_who_flew_is_stopped_and_sent_on_and_who_hovered_is_watched_again() -> None:
+    mission, _ = moved(flying(("h1", (0, 90, 40)), ("h2", (60, 90, 40))))
+    mission = spoke(spoke(mission, OrderAccepted), Arrived)
+    assert statuses(mission) == {"h1": "arrived", "h2": "sent"}
+    again = restarted(mission, "h1", "h2", "h3")
+    assert statuses(again) == {"h1": "waiting", "h2": "waiting"}
+    assert {host: pending.goal_m for host, pending in again.pending.items()} == {"h2": (60, 90, 40)}
+    after, moves = moved(again, NOW_S + 4)
+    assert [type(move) for move in moves] == [HostDeparted, HostDeparted]
+    assert after.pending == {}
+    assert all(progress.leg_id.endswith("/again1") for progress in after.progress.values())
+
+
+def test_a_restart_without_a_host_forgets_it_and_its_plan_and_one_that_only_advises_flies_nothing() -> None:
+    mission, _ = moved(flying(("h1", (0, 90, 40)), ("h2", (60, 90, 40))))
+    without = restarted(mission, "h2", "h3")
+    assert without.plans.flying is None
+    assert statuses(without) == {"h2": "superseded"}
+    assert set(without.pending) == {"h2"}
+    advising = restarted(mission, "h1", "h2", "h3", autonomy=Autonomy.ADVISE)
+    assert advising.plans.flying is None
+    assert set(advising.pending) == {"h1", "h2"}
+    for each in (without, advising):
+        assert moved(each, NOW_S + 4)[1] == []
 
 
 def test_a_new_plan_leaves_hosts_it_does_not_need_only_where_they_have_arrived() -> None:

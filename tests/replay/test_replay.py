@@ -10,6 +10,10 @@ import pytest
 from pymavlink import mavutil
 
 from hsop_gcs.journal import Journal, read
+from hsop_gcs.link.codec import Encoder
+from hsop_gcs.link.enums import MavAutopilot, MavType
+from hsop_gcs.link.messages import Heartbeat
+from hsop_gcs.link.tlog import TlogWriter
 from hsop_gcs.mission.recovery import resumed
 from hsop_gcs.replay import replay
 from hsop_gcs.replay.telemetry import retell
@@ -128,3 +132,20 @@ def test_the_command_retells_a_telemetry_log(name: str, words: list[str]) -> Non
     assert told.returncode == 0, told.stderr
     for word in words:
         assert word in told.stdout
+
+
+@pytest.mark.parametrize(
+    ("component", "vehicle_type", "told"),
+    [(1, MavType.QUADROTOR, "Guided"), (1, MavType.FIXED_WING, "Acro"), (50, MavType.GROUND_ROVER, "Hold")],
+)
+def test_a_log_tells_the_modes_of_planes_and_rovers_and_of_any_component(
+    tmp_path: Path, component: int, vehicle_type: int, told: str
+) -> None:
+    path = tmp_path / "flight.tlog"
+    encoder = Encoder(system=1, component=component)
+    with path.open("wb") as file:
+        writer = TlogWriter(file)
+        for second, mode in enumerate((11, 4)):
+            beat = Heartbeat(type=vehicle_type, autopilot=MavAutopilot.ARDUPILOTMEGA, custom_mode=mode)
+            writer.write(1_790_000_000.0 + second, encoder.encode(beat))
+    assert [line.what for line in retell(path) if line.kind == "mode"][-1:] == [told]

@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hsop_gcs.app import link_of
 from hsop_gcs.link.codec import Encoder, is_signed
-from hsop_gcs.link.enums import MavAutopilot
+from hsop_gcs.link.enums import MavAutopilot, MavType
 from hsop_gcs.link.key_files import read_key
 from hsop_gcs.link.messages import Attitude, Heartbeat
 from hsop_gcs.link.signing import Signing, SigningClock
@@ -44,7 +44,9 @@ def test_connections_sign_with_their_keys_and_link_ids_that_count_up_and_radios_
                 radio.settimeout(10)
                 ends = Signing(read_key(Path(key)), clock=SigningClock(time.time))
                 radio.send(
-                    Encoder(system=system, component=1, sign=ends.sign).encode(Heartbeat(autopilot=MavAutopilot.PX4))
+                    Encoder(system=system, component=1, sign=ends.sign).encode(
+                        Heartbeat(type=MavType.QUADROTOR, autopilot=MavAutopilot.PX4)
+                    )
                 )
                 raw = await asyncio.to_thread(radio.recv, 1000)
                 assert is_signed(raw)

@@ -2,13 +2,16 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
+import httpx2
 import pytest
 
-from tests.service import ORIGIN
+from tests.service import ORIGIN, wait_until
 
 
 def fleet_file(folder: Path, connection: str) -> Path:
@@ -40,3 +43,34 @@ def test_ctrl_c_which_a_terminal_sends_to_every_process_ends_the_service_without
     os.killpg(process.pid, signal.SIGINT)
     _, err = process.communicate(timeout=30)
     assert (process.returncode, err) == (0, "")
+
+
+def test_the_port_answers_before_the_service_is_ready_and_a_hangup_signal_changes_nothing(tmp_path: Path) -> None:
+    config = fleet_file(tmp_path, "udpin:127.0.0.1:0")
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    config.write_text(config.read_text().replace("port = 0", f"port = {port}"))
+    process = serve(config)
+    answers: list[tuple[int, Any]] = []
+
+    def ready() -> bool:
+        try:
+            answer = httpx2.get(f"http://127.0.0.1:{port}/api/v1/ready", timeout=10)
+        except httpx2.TransportError:
+            assert not answers, "a port that has answered goes on answering"
+            return False
+        answers.append((answer.status_code, answer.json()))
+        return answer.status_code == 200
+
+    try:
+        wait_until(ready, limit_s=150)  # compiling the kernels takes a minute
+        assert answers[0][0] == 503
+        assert all(body["ready"] is (not body["awaited"]) is (status == 200) for status, body in answers)
+        assert {what for _, body in answers for what in body["awaited"]} <= {"mission", "kernels", "planner"}
+        process.send_signal(signal.SIGHUP)
+        assert httpx2.get(f"http://127.0.0.1:{port}/api/v1/health", timeout=10).status_code == 200
+    finally:
+        process.send_signal(signal.SIGTERM)
+        _, err = process.communicate(timeout=30)
+    assert process.returncode == 0
+    assert "SIGHUP" in err

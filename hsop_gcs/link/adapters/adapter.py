@@ -39,8 +39,8 @@ class Adapter:
     """The mode that stops it where it is."""
     hold_is_reposition: bool
     """It flies to hover points inside its hold mode: only a reposition to where it is stops it."""
-    take_off_mode: Mode | None
-    """The mode it must be in before arming for a take-off; None if take-off sets its own."""
+    take_off_mode: Mode
+    """The mode it must be in before arming for a take-off."""
     take_off_altitude_is_amsl: bool
     """Else it is above home."""
     heading_needs_follow_up: bool

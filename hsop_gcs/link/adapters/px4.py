@@ -1,5 +1,6 @@
 """PX4 (1.14 and later).
 
+A take-off begins in Hold: in Return, where a recall or a failsafe left it, arming is denied.
 DO_REPOSITION is flown inside Hold, its altitude is AMSL whatever the frame says, yaw and speed are honoured. The
 gimbal manager obeys only its primary controller and looks only at the lock bits; some simulated gimbals ignore the yaw
 lock, so the yaw is given from the nose and renewed as the heading changes.
@@ -61,7 +62,7 @@ PX4 = Adapter(
     hover_mode=_auto(3),
     hold_mode=_auto(3),
     hold_is_reposition=True,
-    take_off_mode=None,
+    take_off_mode=_auto(3),
     take_off_altitude_is_amsl=True,
     heading_needs_follow_up=False,
     speed_needs_own_command=False,

@@ -5,9 +5,11 @@ id, from the autopilot or from a smart battery's own component. A battery that w
 it may have been changed, or whoever told it is gone.
 """
 
-from hsop_gcs.link.enums import MavBatteryFunction
+from hsop_gcs.link.enums import MavBatteryFunction, MavComponent
 from hsop_gcs.link.messages import BatteryStatus, SysStatus
 
+BATTERIES = frozenset((MavComponent.BATTERY, MavComponent.BATTERY2))
+"""Components of smart batteries that speak for themselves."""
 TOLD_WITHIN_S = 30.0
 """A battery that was not told for so long does not count any more; each is asked for every two seconds."""
 _MOST_BATTERIES = 16

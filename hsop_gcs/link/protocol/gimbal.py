@@ -242,7 +242,7 @@ class Gimbal:
 
     @property
     def _autopilot(self) -> int:
-        return MavComponent.AUTOPILOT1
+        return self._telemetry.state.component
 
     @property
     def _candidates(self) -> tuple[int, ...]:

@@ -21,7 +21,6 @@ from hsop_gcs.link.adapters import Adapter
 from hsop_gcs.link.enums import (
     DoRepositionFlags,
     MavCmd,
-    MavComponent,
     MavFrame,
     PositionTargetTypemask,
 )
@@ -38,7 +37,7 @@ from hsop_gcs.link.messages import (
     StatusText,
 )
 from hsop_gcs.link.protocol.command import INSISTENT, REPEATABLE, CommandSender, Outcome, Request
-from hsop_gcs.link.protocol.ready import POSITION_AGE_S, position_fresh, why_not_ready
+from hsop_gcs.link.protocol.ready import POSITION_AGE_S, position_fresh, why_not_flown, why_not_ready
 from hsop_gcs.link.protocol.telemetry import Telemetry
 
 _POSITION_AND_YAW = (
@@ -124,6 +123,7 @@ class Hover:
         self._frame: LocalFrame | None = None
         self._adapter: Adapter | None = None
         """That of the autopilot which was given the order."""
+        self._kind = ""
         self._ticket = 0
         self._accepted_at = 0.0
         self._late_at = 0.0
@@ -141,13 +141,13 @@ class Hover:
             self._events.append(OrderFailed(system=self._system, order_id=order.order_id, reason=problem))
             return
         self.order, self.phase = order, Phase.COMMANDING
-        self._adapter = self._telemetry.adapter
+        self._adapter, self._kind = self._telemetry.adapter, self._telemetry.state.kind
         self._frame = LocalFrame(order.point)
         self._fence_text = self._resting = self._off_since = self._follow_up_at = None
         self._mode_seen = False
         message = CommandInt(
             target_system=self._system,
-            target_component=MavComponent.AUTOPILOT1,
+            target_component=self._telemetry.state.component,
             frame=MavFrame.GLOBAL,
             command=MavCmd.DO_REPOSITION,
             param1=-1.0 if order.speed_mps is None else order.speed_mps,
@@ -166,6 +166,12 @@ class Hover:
         if self.order is not None:
             self._events.append(OrderSuperseded(system=self._system, order_id=self.order.order_id))
         self.order, self.phase = None, Phase.IDLE
+
+    def give_up(self, reason: str, now: float) -> None:
+        """End the current order, if any, without success."""
+        self._commands.withdraw(_KEY, now)
+        if self.order is not None:
+            self._fail(reason)
 
     @property
     def wake_at(self) -> float | None:
@@ -205,9 +211,11 @@ class Hover:
         """Take a message of the autopilot; ``Telemetry`` has had it already."""
         if self.order is None:
             return
-        if self._telemetry.adapter is not self._adapter:
-            self._commands.withdraw(_KEY, now)
-            self._fail(f"its autopilot is of another kind than when it was ordered: {self._telemetry.state.autopilot}")
+        if self._telemetry.state.kind != self._kind:
+            kind = self._telemetry.state.kind
+            self.give_up(f"its autopilot is of another kind than when it was ordered: {kind}", now)
+        elif (problem := why_not_flown(self._telemetry.state, now)) is not None:
+            self.give_up(problem, now)
         elif isinstance(message, StatusText) and "fence" in message.text.lower():
             self._fence_text = (now, message.text.strip())
             if self.phase is Phase.FLYING and now - self._accepted_at <= self.limits.fence_text_s:
@@ -271,7 +279,7 @@ class Hover:
         # After the point was accepted: entering position control resets the speed to the vehicle's own.
         message = CommandLong(
             target_system=self._system,
-            target_component=MavComponent.AUTOPILOT1,
+            target_component=self._telemetry.state.component,
             command=MavCmd.DO_CHANGE_SPEED,
             param1=1.0,
             param2=speed_mps,
@@ -292,7 +300,7 @@ class Hover:
         self._outgoing.append(
             SetPositionTargetGlobalInt(
                 target_system=self._system,
-                target_component=MavComponent.AUTOPILOT1,
+                target_component=self._telemetry.state.component,
                 coordinate_frame=MavFrame.GLOBAL_INT,
                 type_mask=_POSITION_AND_YAW,
                 lat_int=round(self.order.point.lat_deg * 1e7),

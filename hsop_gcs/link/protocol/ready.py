@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 
+from hsop_gcs.link.enums import MavVtolState
+from hsop_gcs.link.kinds import MULTICOPTERS, VTOLS
 from hsop_gcs.link.protocol.telemetry import VehicleState
 
 Gate = Callable[[VehicleState, float], str | None]
@@ -15,14 +17,38 @@ def heard(state: VehicleState, _now: float) -> str | None:
     return None if state.link_up else "no link to the vehicle"
 
 
-def handled(state: VehicleState, _now: float) -> str | None:
-    return state.fault
+def alone(state: VehicleState, _now: float) -> str | None:
+    return state.conflict
 
 
 def spoken_to(state: VehicleState, _now: float) -> str | None:
     if state.autopilot in ("px4", "ardupilot"):
         return None
     return f"no orders are given to an autopilot of kind {state.autopilot}"
+
+
+def never_flown(state: VehicleState, _now: float) -> str | None:
+    """A kind of vehicle that is heard and never ordered, not even to hold: what an order means to it is not known."""
+    if state.type is None:
+        return "the vehicle has not said what it is"
+    if state.type in MULTICOPTERS or (state.type in VTOLS and state.autopilot == "px4"):
+        return None
+    if state.type in VTOLS:
+        return f"an ArduPilot {state.vehicle_type} is not flown: it flies to a hover point as a plane"
+    return f"only multicopters are flown, and the vehicle is a {state.vehicle_type}"
+
+
+def hovers(state: VehicleState, _now: float) -> str | None:
+    """A kind of vehicle that hovers in one of its states only, and is not in it."""
+    if state.type not in VTOLS or state.vtol_state == MavVtolState.MC:
+        return None
+    doing = {
+        MavVtolState.FW: "it flies as a plane",
+        MavVtolState.TRANSITION_TO_FW: "it is changing to a plane",
+        MavVtolState.TRANSITION_TO_MC: "it is changing from a plane",
+    }
+    how = next((how for known, how in doing.items() if known == state.vtol_state), "it does not say whether it hovers")
+    return f"a {state.vehicle_type} is flown only while it hovers as a multicopter: {how}"
 
 
 def armed(state: VehicleState, _now: float) -> str | None:
@@ -55,8 +81,10 @@ def home_known(state: VehicleState, _now: float) -> str | None:
 
 GATES: dict[str, Gate] = {
     "link": heard,
-    "fault": handled,
+    "one aircraft": alone,
     "autopilot": spoken_to,
+    "vehicle type": never_flown,
+    "hovers": hovers,
     "armed": armed,
     "in air": in_air,
     "position": position_known,
@@ -64,6 +92,22 @@ GATES: dict[str, Gate] = {
     "home": home_known,
 }
 """In the order in which they are asked; the first that says no is told."""
+
+
+_OF_ITS_KIND = ("autopilot", "vehicle type", "hovers")
+
+
+def why_not_flown(state: VehicleState, now: float) -> str | None:
+    """Return why nothing of this kind is given an order that flies it, for a person; None if it is."""
+    return next((reason for name in _OF_ITS_KIND if (reason := GATES[name](state, now)) is not None), None)
+
+
+def why_not_stopped(state: VehicleState, now: float) -> str | None:
+    """Return why nothing of this kind is told to hold or to return, for a person; None if it is.
+
+    A VTOL that has begun to fly as a plane is still stopped: it was flown by us before.
+    """
+    return spoken_to(state, now) or never_flown(state, now)
 
 
 def why_not_ready(state: VehicleState, now: float) -> str | None:

@@ -1,9 +1,9 @@
 """Taking off, on an operator's explicit order.
 
-    idle ──start──► setting mode ──► arming ──accepted, or seen armed──► taking off ──accepted──► climbing ──► idle
-     ▲              (ArduPilot)       │  ▲                                │ ▲                        │       TookOff
-     │                                └──┘ not ready yet, up to a minute  └─┘ seen still on ground   │
-     └──failed: refused for good, too long, disarmed again───────────────────────────────────────────┘
+    idle ──start──► setting mode ──seen──► arming ──accepted, seen armed──► taking off ──accepted──► climbing ──► idle
+     ▲                                      │  ▲                             │ ▲                        │    TookOff
+     │                                      └──┘ not ready, up to a minute   └─┘ seen still on ground   │
+     └──failed: refused for good, too long, disarmed again──────────────────────────────────────────────┘
 
 Nothing is sent before the vehicle is known to stand on the ground and its home is known, which may take as long as
 its position.
@@ -16,11 +16,12 @@ from dataclasses import replace
 from enum import Enum
 
 from hsop_gcs.link.adapters.adapter import Adapter, Mode
-from hsop_gcs.link.enums import MavCmd, MavComponent, MavModeFlag, MavResult
+from hsop_gcs.link.enums import MavCmd, MavModeFlag, MavResult
 from hsop_gcs.link.events import Event, OrderFailed, OrderSuperseded, TookOff
 from hsop_gcs.link.messages import CommandLong, Message
 from hsop_gcs.link.protocol.command import ONCE, REPEATABLE, CommandSender, Outcome, Request, Verdict
-from hsop_gcs.link.protocol.telemetry import Telemetry
+from hsop_gcs.link.protocol.ready import why_not_flown
+from hsop_gcs.link.protocol.telemetry import Telemetry, VehicleState
 
 READY_WITHIN_S = 60.0
 """An ArduPilot needs about 40 s from power-up to a position estimate."""
@@ -59,20 +60,33 @@ class TakeOff:
         self._seen_armed = False
         self._adapter: Adapter | None = None
         """That of the autopilot which was given the order."""
+        self._kind = ""
+        self._failed: str | None = None
+
+    @property
+    def status(self) -> str | None:
+        """How the take-off stands, for a person, or why the last one failed.
+
+        None: no take-off was ordered, it ended well, or another order took its place.
+        """
+        if self._step is _Step.IDLE:
+            return None if self._failed is None else f"failed: {self._failed}"
+        return f"{self._step.value}: {self._refusal}" if self._refusal else str(self._step.value)
 
     def start(self, altitude_above_home_m: float, *, order_id: str, now: float) -> None:
         """Take off to an altitude above home."""
         self.stop(now)
-        problem = self._why_not(altitude_above_home_m)
+        problem = self._why_not(altitude_above_home_m, now)
         if problem is not None:
+            self._failed = problem
             self._events.append(OrderFailed(system=self._system, order_id=order_id, reason=problem))
             return
         self.order_id = order_id
         self._altitude_m = altitude_above_home_m
         self._ticket, self._tries, self._refusal, self._seen_armed = None, 0, "", False
-        adapter = self._adapter = self._telemetry.adapter
-        sets_mode = adapter is not None and adapter.take_off_mode is not None
-        self._step = _Step.SETTING_MODE if sets_mode else _Step.ARMING
+        self._adapter = self._telemetry.adapter
+        self._kind = self._telemetry.state.kind
+        self._step = _Step.ARMING if self._in_take_off_mode() else _Step.SETTING_MODE
         self._next_at, self._give_up_at = now, now + READY_WITHIN_S
         self.advance(now)
 
@@ -81,7 +95,13 @@ class TakeOff:
         self._commands.withdraw(_KEY, now)
         if self.order_id is not None:
             self._events.append(OrderSuperseded(system=self._system, order_id=self.order_id))
-        self.order_id, self._step = None, _Step.IDLE
+        self.order_id, self._step, self._failed = None, _Step.IDLE, None
+
+    def give_up(self, reason: str, now: float) -> None:
+        """End a take-off under way, if any, without success."""
+        self._commands.withdraw(_KEY, now)
+        if self.order_id is not None:
+            self._fail(reason)
 
     @property
     def wake_at(self) -> float | None:
@@ -96,9 +116,11 @@ class TakeOff:
         del message  # what counts is the state it made
         if self._step is _Step.IDLE:
             return
-        if self._telemetry.adapter is not self._adapter:
-            self._commands.withdraw(_KEY, now)
-            self._fail(f"its autopilot is of another kind than when it was ordered: {self._telemetry.state.autopilot}")
+        if self._telemetry.state.kind != self._kind:
+            kind = self._telemetry.state.kind
+            self.give_up(f"its autopilot is of another kind than when it was ordered: {kind}", now)
+        elif (problem := why_not_flown(self._telemetry.state, now)) is not None:
+            self.give_up(problem, now)
         else:
             self._look(now)
             self.advance(now)
@@ -110,7 +132,10 @@ class TakeOff:
         self._ticket = None
         if self._step is _Step.IDLE:
             return
-        if outcome.accepted:
+        if outcome.accepted and self._step is _Step.SETTING_MODE:
+            # PX4 acknowledges a mode before it has looked whether it can be in it: telemetry tells, or we ask again.
+            self._refusal, self._next_at = "the mode is not the one asked for", now + _AGAIN_AFTER_S
+        elif outcome.accepted:
             self._next_step(now)
         else:
             self._refused(outcome, now)
@@ -142,12 +167,12 @@ class TakeOff:
     def _system(self) -> int:
         return self._telemetry.state.system
 
-    def _why_not(self, altitude_above_home_m: float) -> str | None:
+    def _why_not(self, altitude_above_home_m: float, now: float) -> str | None:
         state = self._telemetry.state
         if not state.link_up:
             return "no link to the vehicle"
-        if self._telemetry.adapter is None:
-            return f"no orders are given to an autopilot of kind {state.autopilot}"
+        if (problem := why_not_flown(state, now)) is not None:
+            return problem
         if not altitude_above_home_m > 0 or not math.isfinite(altitude_above_home_m):
             return f"{altitude_above_home_m} m is no altitude to take off to"
         return "the vehicle is in the air" if state.in_air else None
@@ -197,8 +222,7 @@ class TakeOff:
 
     def _in_take_off_mode(self) -> bool:
         adapter = self._adapter
-        mode = adapter.take_off_mode if adapter is not None else None
-        return mode is not None and self._telemetry.state.custom_mode == mode.custom_mode
+        return adapter is not None and self._telemetry.state.custom_mode == adapter.take_off_mode.custom_mode
 
     def _refused(self, outcome: Outcome, now: float) -> None:
         texts = self._telemetry.state.texts
@@ -212,16 +236,16 @@ class TakeOff:
 
     def _fail(self, reason: str) -> None:
         self._events.append(OrderFailed(system=self._system, order_id=self.order_id or "", reason=reason))
-        self.order_id, self._step = None, _Step.IDLE
+        self.order_id, self._step, self._failed = None, _Step.IDLE, reason
 
     def _command(self, now: float) -> None:
         adapter, home = self._adapter, self._telemetry.state.home
         if adapter is None or home is None:
             return
-        target = CommandLong(target_system=self._system, target_component=MavComponent.AUTOPILOT1)
+        target = CommandLong(target_system=self._system, target_component=self._telemetry.state.component)
         tries = ONCE
         if self._step is _Step.SETTING_MODE:
-            message, tries = set_mode(self._system, adapter.take_off_mode or adapter.hover_mode), REPEATABLE
+            message, tries = set_mode(self._telemetry.state, adapter.take_off_mode), REPEATABLE
         elif self._step is _Step.ARMING:
             message = replace(target, command=MavCmd.COMPONENT_ARM_DISARM, param1=1.0)
         elif adapter.take_off_altitude_is_amsl:
@@ -234,11 +258,11 @@ class TakeOff:
         self._ticket = self._commands.submit(request, now)
 
 
-def set_mode(system: int, mode: Mode) -> CommandLong:
-    """Return the command that changes the flight mode."""
+def set_mode(state: VehicleState, mode: Mode) -> CommandLong:
+    """Return the command that changes a vehicle's flight mode."""
     return CommandLong(
-        target_system=system,
-        target_component=MavComponent.AUTOPILOT1,
+        target_system=state.system,
+        target_component=state.component,
         command=MavCmd.DO_SET_MODE,
         param1=float(MavModeFlag.CUSTOM_MODE_ENABLED),
         param2=float(mode.main),

@@ -18,6 +18,7 @@ from hsop_gcs.link.enums import (
     MavModeFlag,
 )
 from hsop_gcs.link.events import Event, ModeChanged, StatusTextReceived
+from hsop_gcs.link.kinds import type_name
 from hsop_gcs.link.messages import (
     Attitude,
     AutopilotVersion,
@@ -34,7 +35,7 @@ from hsop_gcs.link.messages import (
     StatusText,
     SysStatus,
 )
-from hsop_gcs.link.protocol.batteries import Batteries
+from hsop_gcs.link.protocol.batteries import BATTERIES, Batteries
 from hsop_gcs.link.protocol.clocks import SenderClock
 from hsop_gcs.link.protocol.gimbal_device import GimbalDevice, LedGimbal
 
@@ -63,9 +64,15 @@ class VehicleState:
     """The newest known state of one vehicle. Times are those of the link's clock."""
 
     system: int
+    component: int = MavComponent.AUTOPILOT1
+    """The autopilot's component id: orders are addressed to it."""
     link_up: bool = False
     last_heard_s: float | None = None
     autopilot: Autopilot | None = None
+    type: int | None = None
+    """MAV_TYPE: what kind of vehicle the autopilot says it is."""
+    vtol_state: int | None = None
+    """MAV_VTOL_STATE of an aircraft that hovers in one state and flies as a plane in another."""
     firmware: str | None = None
     armed: bool | None = None
     in_air: bool | None = None
@@ -93,10 +100,20 @@ class VehicleState:
     satellites: int | None = None
     estimator_healthy: bool | None = None
     """Whether the autopilot's estimator stands by its absolute position and altitude."""
-    fault: str | None = None
-    """Why it cannot be trusted with an order though it is heard: a fault of the service's own."""
+    conflict: str | None = None
+    """What shows that two aircraft speak under its id, for a person."""
     texts: tuple[StatusLine, ...] = ()
     """The last few lines, newest last."""
+
+    @property
+    def vehicle_type(self) -> str | None:
+        """What kind of vehicle it is, for a person."""
+        return None if self.type is None else type_name(self.type)
+
+    @property
+    def kind(self) -> str:
+        """The autopilot and what it flies: an order is for this kind only."""
+        return f"{self.autopilot} on a {self.vehicle_type}"
 
     def heading_at(self, time_s: float) -> float | None:
         """Return the heading at a time near that of the attitude, degrees; None if it is not known."""
@@ -136,8 +153,36 @@ class Telemetry:
             self._gimbal(message, now, component)
         elif isinstance(message, BatteryStatus | SysStatus):
             self._battery(message, now, component)
-        elif component == MavComponent.AUTOPILOT1:
+        elif component == self.state.component:
             self._autopilot(message, now)
+
+    def begin_anew(self, component: int) -> None:
+        """Forget what was known of the vehicle: from now on another autopilot speaks, or the same after a restart.
+
+        What the same one is, a restart does not change: it can be held before its next heartbeat.
+        """
+        before = self.state
+        after = VehicleState(
+            system=before.system,
+            component=component,
+            link_up=before.link_up,
+            last_heard_s=before.last_heard_s,
+            texts=before.texts,
+        )
+        if component == before.component:
+            after = after.evolve(
+                autopilot=before.autopilot,
+                type=before.type,
+                armed=before.armed,
+                custom_mode=before.custom_mode,
+                mode=before.mode,
+            )
+        else:
+            self.adapter = None
+        self.state = after
+        self._batteries.forget()
+        self._clock = SenderClock()
+        self.lead(None)
 
     def advance(self, now: float) -> None:
         """Tell a status text whose rest did not come in time."""
@@ -152,6 +197,11 @@ class Telemetry:
         """Return what happened, once."""
         events, self._events = self._events, []
         return events
+
+    def note_conflict(self, problem: str | None) -> None:
+        """Take over what shows that two aircraft speak under the vehicle's id."""
+        if problem != self.state.conflict:
+            self.state = self.state.evolve(conflict=problem)
 
     def presence(self, *, up: bool, heard_s: float | None) -> None:
         """Take over what is known of the link itself."""
@@ -179,8 +229,10 @@ class Telemetry:
                     yaw_rate_dps=math.degrees(message.yawspeed) if math.isfinite(message.yawspeed) else 0.0,
                     attitude_heard_s=self._clock.sent_at(message.time_boot_ms, now),
                 )
-            case ExtendedSysState() if message.landed_state != MavLandedState.UNDEFINED:
-                self.state = self.state.evolve(in_air=message.landed_state != MavLandedState.ON_GROUND)
+            case ExtendedSysState():
+                told = message.landed_state != MavLandedState.UNDEFINED
+                in_air = message.landed_state != MavLandedState.ON_GROUND if told else self.state.in_air
+                self.state = self.state.evolve(in_air=in_air, vtol_state=message.vtol_state)
             case HomePosition():
                 home = _place(message.latitude, message.longitude, message.altitude)
                 self.state = self.state.evolve(home=home or self.state.home)
@@ -200,13 +252,14 @@ class Telemetry:
                 self._text(message, now)
 
     def _heartbeat(self, message: Heartbeat) -> None:
-        self.adapter = adapter_for(message.autopilot)
+        self.adapter = adapter_for(message.autopilot, message.type)
         names: dict[str, Autopilot] = {"px4": "px4", "ardupilot": "ardupilot"}
         mode = self.adapter.mode_name(message.custom_mode) if self.adapter else f"mode {message.custom_mode}"
         if self.state.mode is not None and self.state.mode != mode:
             self._events.append(ModeChanged(system=self.state.system, before=self.state.mode, after=mode))
         self.state = self.state.evolve(
             autopilot=names[self.adapter.name] if self.adapter else "other",
+            type=message.type,
             armed=bool(message.base_mode & MavModeFlag.SAFETY_ARMED),
             custom_mode=message.custom_mode,
             mode=mode,
@@ -229,8 +282,8 @@ class Telemetry:
         )
 
     def _battery(self, message: SysStatus | BatteryStatus, now: float, component: int) -> None:
-        smart = isinstance(message, BatteryStatus) and component in (MavComponent.BATTERY, MavComponent.BATTERY2)
-        if smart or component == MavComponent.AUTOPILOT1:
+        smart = isinstance(message, BatteryStatus) and component in BATTERIES
+        if smart or component == self.state.component:
             self._batteries.receive(message, now, component=component)
             self._note_charge(now)
 
