@@ -202,6 +202,14 @@ class PendingOut(BaseModel):
     """Why it is not confirmed."""
 
 
+class FailsafesOut(BaseModel):
+    """Whether the autopilot will come home by itself, by its parameters."""
+
+    checked: bool
+    """False: they are still being read."""
+    problems: list[str]
+
+
 class HostOut(BaseModel):
     id: str
     system_id: int
@@ -226,6 +234,7 @@ class HostOut(BaseModel):
     battery_percent: float | None
     last_text: str | None
     order: OrderOut | None
+    failsafes: FailsafesOut
     take_off: str | None
     """How an ordered take-off stands, or why the last one failed; null once it is done or another order came."""
     pending: PendingOut | None

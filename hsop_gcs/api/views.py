@@ -10,6 +10,7 @@ from hsop_gcs.api.schemas import (
     AimOut,
     DetectionCounts,
     EventOut,
+    FailsafesOut,
     HealthOut,
     HostLinkOut,
     HostOut,
@@ -98,6 +99,9 @@ def _host(host: Host, mission: Mission, aircraft: Aircraft, closed: Closed | Non
         battery_percent=state.battery_percent,
         last_text=state.texts[-1].text if state.texts else None,
         order=None if progress is None else _order(host, progress, mission),
+        failsafes=FailsafesOut(
+            checked=mission.vehicle(host).failsafes_checked, problems=list(mission.vehicle(host).failsafe_problems)
+        ),
         take_off=mission.vehicle(host).take_off_status,
         pending=_pending(host, mission, aircraft, closed),
     )
@@ -178,6 +182,7 @@ def _problems(mission: Mission, unavailable: Mapping[str, Closed]) -> list[str]:
         link = mission.link.vehicle_link(host.system_id)
         if link.claimants:
             problems.append(f"host {host.id}: refused at {', '.join(link.claimants)}, where it is not registered")
+        problems += [f"host {host.id}: {problem}" for problem in mission.vehicle(host).failsafe_problems]
         if link.not_taken and not mission.vehicle(host).state.link_up:
             heard = ", ".join(f"{count} of its {what}" for what, count in link.not_taken.items())
             problems.append(f"host {host.id}: no autopilot's heartbeat is heard, but other frames are: {heard}")

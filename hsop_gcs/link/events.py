@@ -86,6 +86,13 @@ class StatusTextReceived(Event):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FailsafeNotSet(Event):
+    """A parameter of the vehicle is not as a failsafe needs it, or is not told: what that means, for a person."""
+
+    problem: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ModeChanged(Event):
     """The flight mode is another one than before, for whatever reason."""
 

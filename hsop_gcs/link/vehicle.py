@@ -26,6 +26,7 @@ from hsop_gcs.link.events import (
 from hsop_gcs.link.identity import GROUND_STATION, Identity
 from hsop_gcs.link.messages import CommandLong, Message
 from hsop_gcs.link.protocol.command import INSISTENT, CommandLimits, CommandSender, Outcome, Request
+from hsop_gcs.link.protocol.failsafes import Failsafes
 from hsop_gcs.link.protocol.gimbal import Gimbal, GimbalTolerances
 from hsop_gcs.link.protocol.heartbeat import Presence
 from hsop_gcs.link.protocol.hover import Hover, HoverLimits, HoverOrder, Phase
@@ -81,6 +82,7 @@ class Vehicle:
         self._gimbal = Gimbal(self._telemetry, self._commands, own=own, tolerances=limits.gimbal)
         self._take_off = TakeOff(self._telemetry, self._commands)
         self._round_trip = RoundTrip()
+        self._failsafes = Failsafes(self._telemetry)
         self._operator: dict[int, str] = {}
         self._on_station = False
         self._events: list[Event] = []
@@ -124,6 +126,16 @@ class Vehicle:
     def take_off_status(self) -> str | None:
         """How its take-off stands, or why the last one failed, for a person; see ``TakeOff.status``."""
         return self._take_off.status
+
+    @property
+    def failsafes_checked(self) -> bool:
+        """Whether the parameters of its failsafes were read; see ``failsafe_problems``."""
+        return self._failsafes.checked
+
+    @property
+    def failsafe_problems(self) -> tuple[str, ...]:
+        """Which of its failsafes will not work, and what to set, for a person."""
+        return self._failsafes.problems
 
     @property
     def command_noise(self) -> int:
@@ -197,6 +209,7 @@ class Vehicle:
             self._gimbal,
             self._take_off,
             self._round_trip,
+            self._failsafes,
         )
         return min((at for at in (machine.wake_at for machine in machines) if at is not None), default=None)
 
@@ -229,6 +242,7 @@ class Vehicle:
             self._hover.receive(message, now)
             self._take_off.receive(message, now)
             self._round_trip.receive(message, now)
+            self._failsafes.receive(message, now)
         self._subscriptions.receive(message, now, component=component)
         self._collect(now)
 
@@ -277,6 +291,7 @@ class Vehicle:
         self._subscriptions.link_up(now, autopilot=self.state.component)
         self._gimbal.link_up(now)
         self._round_trip.link_up(now)
+        self._failsafes.link_up(now)
 
     def advance(self, now: float) -> None:
         """Do what is due."""
@@ -290,11 +305,13 @@ class Vehicle:
         self._gimbal.advance(now)
         self._take_off.advance(now)
         self._round_trip.advance(now)
+        self._failsafes.advance(now)
         self._collect(now)
 
     def take_outgoing(self) -> list[Message]:
         """Return what is to be sent to the vehicle, once."""
-        return self._commands.take_outgoing() + self._hover.take_outgoing() + self._round_trip.take_outgoing()
+        machines = (self._commands, self._hover, self._round_trip, self._failsafes)
+        return [message for machine in machines for message in machine.take_outgoing()]
 
     def take_events(self) -> list[Event]:
         """Return what happened, once."""
@@ -329,6 +346,7 @@ class Vehicle:
             elif isinstance(event, LinkLost):
                 self._subscriptions.link_lost()
                 self._round_trip.link_lost()
+                self._failsafes.link_lost()
 
     def _settle(self, now: float) -> None:
         # An outcome may make a machine submit again, and that may end at once: until nothing is left.
@@ -348,7 +366,8 @@ class Vehicle:
 
     def _collect(self, now: float) -> None:
         self._settle(now)
-        for machine in (self._telemetry, self._take_off, self._hover, self._gimbal, self._subscriptions):
+        telling = (self._telemetry, self._take_off, self._hover, self._gimbal, self._subscriptions, self._failsafes)
+        for machine in telling:
             self._events += machine.take_events()
         if self._hover.order is None and self._gimbal.aim is not None:
             self._gimbal.stop(now)

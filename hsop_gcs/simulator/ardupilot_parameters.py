@@ -4,7 +4,7 @@ from hsop_gcs.link.enums import MavBatteryChargeState
 from hsop_gcs.simulator.ardupilot_modes import Mode
 from hsop_gcs.simulator.battery import Thresholds
 from hsop_gcs.simulator.body import VehicleConfig
-from hsop_gcs.simulator.parameters import INT8, Parameter, Parameters
+from hsop_gcs.simulator.parameters import INT8, INT16, INT32, Parameter, Parameters
 
 _ACT_LAND, _ACT_RTL = 1, 2
 
@@ -24,6 +24,12 @@ def fresh_parameters(config: VehicleConfig) -> Parameters:
             "BATT_CRT_MAH": Parameter(0.1 * config.battery.capacity_mah),
             "BATT_FS_LOW_ACT": Parameter(_ACT_RTL, INT8),
             "BATT_FS_CRT_ACT": Parameter(_ACT_LAND, INT8),
+            # told as failsafe.parm and link.parm set them: a simulated vehicle does not mind a silent ground station
+            "FS_GCS_ENABLE": Parameter(1, INT8),
+            "FS_GCS_TIMEOUT": Parameter(10.0),
+            "FS_OPTIONS": Parameter(8, INT32),
+            "MAV_GCS_SYSID": Parameter(255, INT16),
+            "MAV_GCS_SYSID_HI": Parameter(0, INT16),
         },
         bytewise=False,
     )

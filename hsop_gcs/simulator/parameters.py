@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from hsop_gcs.link.messages import ParamValue
 
-INT8, INT32, REAL32 = 2, 6, 9
+INT8, INT16, INT32, REAL32 = 2, 4, 6, 9
 """MAV_PARAM_TYPE."""
 
 

@@ -90,6 +90,11 @@ class Px4(Vehicle):
                 "BAT_CRIT_THR": Parameter(0.07),
                 "BAT_EMERGEN_THR": Parameter(0.05),
                 "COM_LOW_BAT_ACT": Parameter(_RETURN_THEN_LAND, INT32),
+                # told as failsafe.params sets them: a simulated vehicle does not mind that the ground station is silent
+                "NAV_DLL_ACT": Parameter(2, INT32),
+                "COM_DL_LOSS_T": Parameter(10, INT32),
+                "COM_DLL_EXCEPT": Parameter(0, INT32),
+                "COM_FAIL_ACT_T": Parameter(5.0),
             },
             bytewise=True,
         )

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from hsop_gcs.link.adapters.failsafes import Relied
 from hsop_gcs.link.enums import GimbalFlags
 from hsop_gcs.link.messages import GimbalManagerInformation
 
@@ -51,3 +52,7 @@ class Adapter:
     gimbal_yaw_from_nose: bool
     """PITCHYAW's yaw counts from the vehicle's nose, else from north."""
     gimbal_limits: Callable[[GimbalManagerInformation], GimbalLimits]
+    failsafes: tuple[Relied, ...]
+    """The parameters by which it comes home by itself."""
+    integers_bytewise: bool
+    """PARAM_VALUE holds the bits of an integer parameter, else its number."""

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from hsop_gcs.link.adapters.adapter import Adapter, GimbalLimits, Mode
+from hsop_gcs.link.adapters.failsafes import ARDUPILOT_FAILSAFES
 from hsop_gcs.link.enums import GimbalFlags, MavType
 from hsop_gcs.link.kinds import VTOLS
 from hsop_gcs.link.messages import GimbalManagerInformation
@@ -135,6 +136,8 @@ ARDUPILOT = Adapter(
     gimbal_flags=GimbalFlags.YAW_LOCK,
     gimbal_yaw_from_nose=False,
     gimbal_limits=_gimbal_limits,
+    failsafes=ARDUPILOT_FAILSAFES,
+    integers_bytewise=False,
 )
 
 _PLANES = replace(ARDUPILOT, mode_name=_names_in(_PLANE))

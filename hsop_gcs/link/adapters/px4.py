@@ -9,6 +9,7 @@ lock, so the yaw is given from the nose and renewed as the heading changes.
 import math
 
 from hsop_gcs.link.adapters.adapter import Adapter, GimbalLimits, Mode
+from hsop_gcs.link.adapters.failsafes import PX4_FAILSAFES
 from hsop_gcs.link.enums import GimbalFlags
 from hsop_gcs.link.messages import GimbalManagerInformation
 
@@ -69,4 +70,6 @@ PX4 = Adapter(
     gimbal_flags=GimbalFlags.ROLL_LOCK | GimbalFlags.PITCH_LOCK | GimbalFlags.YAW_IN_VEHICLE_FRAME,
     gimbal_yaw_from_nose=True,
     gimbal_limits=_gimbal_limits,
+    failsafes=PX4_FAILSAFES,
+    integers_bytewise=True,
 )
