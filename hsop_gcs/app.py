@@ -6,15 +6,15 @@ import logging
 import signal
 import socket
 import time
-from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import AsyncExitStack, asynccontextmanager, contextmanager
+from collections.abc import AsyncIterator, Callable
+from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 
-import uvicorn
-
 from hsop_gcs.api import create_api
+from hsop_gcs.api.bounds import Account, Bounds
 from hsop_gcs.api.front import Front
 from hsop_gcs.api.placements import WhatIf
+from hsop_gcs.api.server import serving
 from hsop_gcs.clocks import Clock, RisingClock, boot_id, steady_s
 from hsop_gcs.errors import Unavailable
 from hsop_gcs.geometry import triangulation
@@ -132,14 +132,6 @@ def _recorder(tlog: TlogWriter | None, rising: Clock) -> Callable[[bytes], None]
     return None if tlog is None else lambda raw: tlog.write(rising(), raw)
 
 
-class _Server(uvicorn.Server):
-    """uvicorn without its signal handling, which ends the process before anything else could be closed."""
-
-    @contextmanager
-    def capture_signals(self) -> Iterator[None]:
-        yield
-
-
 @asynccontextmanager
 async def running_service(settings: Settings) -> AsyncIterator[str]:
     """Run mission and API; yields the API's base address once reports are taken. Raises Unavailable if its port cannot
@@ -149,29 +141,25 @@ async def running_service(settings: Settings) -> AsyncIterator[str]:
     with _listen(settings.service.host, settings.service.port) as listening:
         host, port = listening.getsockname()[:2]
         address = f"http://{host}:{port}"
-        async with _answering(front, listening), running_mission(settings) as mission, WhatIf() as what_if:
-            front.open(create_api(mission, what_if, max_body_bytes=settings.service.max_body_bytes))
+        bounds, account = _bounds(settings), Account()
+        async with (
+            serving(front, listening, bounds, account),
+            running_mission(settings) as mission,
+            WhatIf() as what_if,
+        ):
+            front.open(create_api(mission, what_if, bounds, account))
             await load_tracker(mission)
             yield address
 
 
-@asynccontextmanager
-async def _answering(front: Front, listening: socket.socket) -> AsyncIterator[None]:
-    config = uvicorn.Config(
-        front,
-        log_level="warning",
-        access_log=False,
-        proxy_headers=False,
-        lifespan="off",
-        timeout_graceful_shutdown=2,
+def _bounds(settings: Settings) -> Bounds:
+    given = settings.service
+    return Bounds(
+        connections=given.max_connections,
+        connections_per_address=given.max_connections_per_address,
+        requests_per_s=given.max_requests_per_s,
+        body_bytes=given.max_body_bytes,
     )
-    server = _Server(config)
-    serving = asyncio.create_task(server.serve(sockets=[listening]))
-    try:
-        yield
-    finally:
-        server.should_exit = True
-        await serving
 
 
 async def serve(settings: Settings, on_ready: Callable[[str], None]) -> None:

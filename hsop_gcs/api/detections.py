@@ -1,12 +1,13 @@
 """Detections as they arrive: one or many, each judged by itself, in the words of the reports' intake."""
 
 from collections.abc import Callable, Sequence
+from itertools import islice
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from hsop_gcs.api.intake import one_or_many
-from hsop_gcs.api.problems import faults_of
+from hsop_gcs.api.bodies import MAX_FIELDS, Pace, counted, field_paths, has_too_many_fields, one_or_many
+from hsop_gcs.api.problems import fault_of, faults_of
 from hsop_gcs.api.schemas import FieldFault, Number, UtcTime
 from hsop_gcs.cameras.rig import PIXEL_NOISE_PX, CameraKind
 from hsop_gcs.detections import Detection, Direction, Fate, Lens, Pixel, Verdict
@@ -97,20 +98,32 @@ Submit = Callable[[Sequence[Detection]], Sequence[Verdict]]
 """Takes detections into the picture; a verdict on each, in their order."""
 
 
-def take(raw: Any, fleet: Fleet, submit: Submit, refuse: Callable[[str], None]) -> DetectionResults:
-    """Judge one detection (an object) or many (an array). Raises BadInput if it is neither, or too many.
+_TOGETHER = 200
+"""So many detections of one body are looked at together; more would stop everything else for too long."""
+_FIELDS = field_paths(DetectionIn)
 
-    ``refuse`` is told the field of each that cannot be read.
+
+async def take(
+    body: bytes, fleet: Fleet, submit: Submit, refuse: Callable[[str], None], pace: Pace
+) -> DetectionResults:
+    """Judge one detection (an object) or many (an array).
+
+    Raises NotJson; BadInput if it is neither, or too many. ``refuse`` is told the field of each that cannot be read.
     """
-    judged = [read(index, each, fleet) for index, each in enumerate(one_or_many(raw, "detection"))]
-    for each in judged:
-        if isinstance(each, DetectionResult):
-            refuse(each.errors[0].field)
-    readable = [each for each in judged if isinstance(each, Detection)]
-    verdicts = iter(submit(readable) if readable else ())
-    results = [
-        _result(index, next(verdicts)) if isinstance(each, Detection) else each for index, each in enumerate(judged)
-    ]
+    judged: list[Detection | DetectionResult] = []
+    for index, each in enumerate(await one_or_many(body, "detection", pace)):
+        judged.append(read(index, each, fleet))
+        await pace.breathe()
+    for result in judged:
+        if isinstance(result, DetectionResult):
+            refuse(counted(result.errors[0].field, _FIELDS))
+    readable = iter([each for each in judged if isinstance(each, Detection)])
+    verdicts: list[Verdict] = []
+    while together := list(islice(readable, _TOGETHER)):
+        verdicts += submit(together)
+        await pace.breathe()
+    rest = iter(verdicts)
+    results = [_result(index, next(rest)) if isinstance(each, Detection) else each for index, each in enumerate(judged)]
     accepted = sum(result.status == "accepted" for result in results)
     return DetectionResults(accepted=accepted, rejected=len(results) - accepted, results=results)
 
@@ -118,11 +131,13 @@ def take(raw: Any, fleet: Fleet, submit: Submit, refuse: Callable[[str], None]) 
 def read(index: int, raw: Any, fleet: Fleet) -> Detection | DetectionResult:
     """Return the detection, or why it is none."""
     try:
+        if has_too_many_fields(raw):
+            raise BadInput("body", f"a detection with more than {MAX_FIELDS} fields")
         return to_detection(DetectionIn.model_validate(raw), fleet)
     except ValidationError as error:
-        return _rejected(index, [FieldFault(**fault) for fault in faults_of(error.errors())])
+        return _rejected(index, [FieldFault(**fault) for fault in faults_of(error.errors(include_url=False))])
     except BadInput as error:
-        return _rejected(index, [FieldFault(field=error.field, problem=error.problem)])
+        return _rejected(index, [FieldFault(**fault_of(error))])
 
 
 def to_detection(given: DetectionIn, fleet: Fleet) -> Detection:

@@ -1,59 +1,58 @@
 """Reports as they arrive: one or many, each judged by itself, so that one bad report never costs a good one."""
 
-import json
+from itertools import islice
 from typing import Any
 
 from pydantic import ValidationError
 
-from hsop_gcs.api.problems import faults_of
+from hsop_gcs.api.bodies import MAX_FIELDS, Pace, counted, field_paths, has_too_many_fields, one_or_many
+from hsop_gcs.api.problems import fault_of, faults_of
 from hsop_gcs.api.schemas import LONGEST_NAME, FieldFault, ReportIn, ReportResult, ReportResults
 from hsop_gcs.errors import BadInput
 from hsop_gcs.mission.controller import Mission
 from hsop_gcs.reports import Report, ReportRules, Site, locate
 from hsop_gcs.tracks import Verdict
 
-MAX_AT_ONCE = 1000
+_TOGETHER = 200
+"""So many reports of one body are given to the tracker at a time; more would stop everything else for too long."""
+_PAIRS = 10_000
+"""The same for pairs of a report and a track: at worst each lies in the gate of each."""
+_FIELDS = field_paths(ReportIn)
 
 
-def parse_json(body: bytes) -> Any:
-    """Return the parsed body. Raises BadInput that says where the JSON ends being JSON."""
-    try:
-        return json.loads(body)
-    except json.JSONDecodeError as error:
-        raise BadInput("body", f"not JSON: {error.msg} at line {error.lineno} column {error.colno}") from error
-    except (ValueError, RecursionError) as error:  # no UTF-8; a number of thousands of digits; nested too deeply
-        raise BadInput("body", f"not JSON: {error}") from error
+async def take(body: bytes, mission: Mission, pace: Pace) -> ReportResults:
+    """Judge one report (an object) or many (an array).
 
-
-def one_or_many(raw: Any, what: str) -> list[Any]:
-    """Return what a body holds, an object or an array of them. Raises BadInput if it is neither, or too many."""
-    if not isinstance(raw, dict | list):
-        raise BadInput("body", f"must be a {what} or an array of {what}s")
-    items = raw if isinstance(raw, list) else [raw]
-    if not 1 <= len(items) <= MAX_AT_ONCE:
-        raise BadInput("body", f"{len(items)} {what}s; 1 to {MAX_AT_ONCE} are taken at once")
-    return items
-
-
-def take(raw: Any, mission: Mission) -> ReportResults:
-    """Judge one report (an object) or many (an array). Raises BadInput if it is neither, or too many."""
-    judged = [_read(index, each, mission) for index, each in enumerate(one_or_many(raw, "report"))]
-    readable = [each for each in judged if isinstance(each, Report)]
-    verdicts = iter(mission.submit(readable) if readable else ())
-    results = [
-        _result(index, next(verdicts)) if isinstance(each, Report) else each for index, each in enumerate(judged)
-    ]
+    Raises NotJson; BadInput if it is neither, or too many.
+    """
+    judged: list[Report | ReportResult] = []
+    for index, each in enumerate(await one_or_many(body, "report", pace)):
+        judged.append(_read(index, each, mission))
+        await pace.breathe()
+    readable = iter([each for each in judged if isinstance(each, Report)])
+    verdicts: list[Verdict] = []
+    while together := list(islice(readable, _together(mission))):
+        verdicts += mission.submit(together)
+        await pace.breathe()
+    rest = iter(verdicts)
+    results = [_result(index, next(rest)) if isinstance(each, Report) else each for index, each in enumerate(judged)]
     accepted = sum(result.status == "accepted" for result in results)
     return ReportResults(accepted=accepted, rejected=len(results) - accepted, results=results)
+
+
+def _together(mission: Mission) -> int:
+    return max(1, min(_TOGETHER, _PAIRS // (len(mission.state.picture.tracks) + 1)))
 
 
 def _read(index: int, raw: Any, mission: Mission) -> Report | ReportResult:
     """Return the report, or why it is none."""
     try:
+        if has_too_many_fields(raw):
+            raise BadInput("body", f"a report with more than {MAX_FIELDS} fields")
         return to_report(ReportIn.model_validate(raw), mission.site, mission.state.rules.reports)
     except ValidationError as error:
-        faults = faults_of(error.errors())
-        mission.refuse_report(**faults[0], source=_source(raw))
+        faults = faults_of(error.errors(include_url=False))
+        mission.refuse_report(counted(faults[0]["field"], _FIELDS), faults[0]["problem"], source=_source(raw))
         return ReportResult(index=index, status="rejected", errors=[FieldFault(**fault) for fault in faults])
     except BadInput as error:
         mission.refuse_report(error.field, error.problem, source=_source(raw))
@@ -73,7 +72,7 @@ def _result(index: int, verdict: Verdict) -> ReportResult:
 
 
 def _rejected(index: int, error: BadInput) -> ReportResult:
-    return ReportResult(index=index, status="rejected", errors=[FieldFault(field=error.field, problem=error.problem)])
+    return ReportResult(index=index, status="rejected", errors=[FieldFault(**fault_of(error))])
 
 
 def to_report(given: ReportIn, site: Site, rules: ReportRules) -> Report:

@@ -1,32 +1,46 @@
 """What-if placements: a scenario in, a plan or a frontier out, nothing flown.
 
 Solved in a worker process of low priority that starts with the first question, so that neither the event loop nor the
-mission's own decisions wait for it. Who asks when it has enough to do is told so.
+mission's own decisions wait for it. Who asks when it has enough to do is told so. A question whose client has left is
+given up, and its worker ended.
 """
 
 import asyncio
 import time
+from collections import Counter
+from collections.abc import Coroutine
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Request
+from fastapi.responses import JSONResponse, Response
 from pydantic import BaseModel, ConfigDict, Field
+from starlette.types import Receive
 
+from hsop_gcs.api.commands import BoundedRoute
 from hsop_gcs.api.examples import ANSWERS
+from hsop_gcs.api.gate import share_of
 from hsop_gcs.api.problems import MEDIA_TYPE
 from hsop_gcs.api.schemas import Number
-from hsop_gcs.errors import BadInput, Unavailable
+from hsop_gcs.errors import BadInput, HsopError, Unavailable
 from hsop_gcs.placement import place
 from hsop_gcs.placement.frontier import frontier, frontier_to_json
 from hsop_gcs.placement.problem import Formulation, Objective, Problem
 from hsop_gcs.placement.scenario import plan_to_json, problem_from_json
 from hsop_gcs.workers import end, workers
 
+T = TypeVar("T")
+
 MAX_THREATS = 50
+MAX_HOSTS = 2 * MAX_THREATS
+MAX_KEEP_OUTS = 100
+MAX_CORNERS = 1000
 MAX_AT_ONCE = 3
 """One that is solved, and two that wait."""
+MAX_PER_CLIENT = 2
+"""The same of one address: another one is always heard."""
 NICENESS = 10
 _PATIENCE_S = 60.0
 """On top of the time limit; after that the worker counts as hung."""
@@ -79,37 +93,73 @@ class WhatIf:
 
     def __init__(self) -> None:
         self._pool: ProcessPoolExecutor | None = None
-        self._asked = 0
+        self._asked: Counter[str] = Counter()
+        """Questions that are solved or wait, by the address that asked; addresses without any are left out."""
+        self._turn = asyncio.Lock()
 
     async def __aenter__(self) -> "WhatIf":
         return self
 
     async def __aexit__(self, *_: object) -> None:
-        self._end_pool()
+        await self._end_pool()
 
-    async def answer(self, question: Question) -> dict[str, Any]:
-        """Return a plan file's content, or a frontier file's.
+    async def answer(self, question: Question, client: str = "") -> dict[str, Any]:
+        """Return a plan file's content, or a frontier file's. Cancelled, it gives the question up.
 
-        Raises Unavailable when there are enough questions already, and when the worker died or hung.
+        client: the address that asks. Raises Unavailable when there are enough questions already, of all clients or
+        of this one, and when the worker died or hung.
         """
-        if self._asked >= MAX_AT_ONCE:
-            raise Unavailable(f"{self._asked} what-if placements are being made or wait; ask again when they are done")
-        self._pool = self._pool or workers(niceness=NICENESS)
-        self._asked += 1
+        if self._asked.total() >= MAX_AT_ONCE or self._asked[client] >= MAX_PER_CLIENT:
+            raise Unavailable(
+                f"{self._asked.total()} what-if placements are being made or wait, {self._asked[client]} of this"
+                f" client; the limits are {MAX_AT_ONCE} and {MAX_PER_CLIENT}: ask again when they are done"
+            )
+        self._asked[client] += 1
         try:
-            async with asyncio.timeout(MAX_AT_ONCE * (question.time_limit_s + _PATIENCE_S)):
-                return await asyncio.get_running_loop().run_in_executor(self._pool, solve, question)
-        except (BrokenProcessPool, TimeoutError) as error:
-            self._end_pool()
-            raise Unavailable(f"the what-if worker did not answer ({type(error).__name__}); ask again") from error
+            async with self._turn:
+                return await self._solve(question)
         finally:
-            self._asked -= 1
+            self._asked[client] -= 1
+            self._asked += Counter()  # forgets who asks no more
 
-    def _end_pool(self) -> None:
-        if self._pool is None:
-            return
-        end(self._pool)
-        self._pool = None
+    async def _solve(self, question: Question) -> dict[str, Any]:
+        self._pool = self._pool or workers(niceness=NICENESS)
+        answered = False
+        try:
+            async with asyncio.timeout(question.time_limit_s + _PATIENCE_S):
+                found: dict[str, Any] = await asyncio.get_running_loop().run_in_executor(self._pool, solve, question)
+            answered = True
+            return found
+        except (BrokenProcessPool, TimeoutError) as error:
+            raise Unavailable(f"the what-if worker did not answer ({type(error).__name__}); ask again") from error
+        except HsopError:
+            answered = True
+            raise
+        finally:
+            if not answered:
+                await self._end_pool()
+
+    async def _end_pool(self) -> None:
+        pool, self._pool = self._pool, None
+        if pool is not None:
+            await asyncio.to_thread(end, pool)
+
+
+async def unless_left(work: Coroutine[Any, Any, T], receive: Receive) -> T | None:
+    """Return what comes of work for a client; None, and the work is cancelled, if the client leaves before."""
+    working, leaving = asyncio.ensure_future(work), asyncio.ensure_future(_left(receive))
+    try:
+        await asyncio.wait((working, leaving), return_when=asyncio.FIRST_COMPLETED)
+        return working.result() if working.done() else None
+    finally:
+        for task in (working, leaving):
+            task.cancel()
+        await asyncio.gather(working, leaving, return_exceptions=True)
+
+
+async def _left(receive: Receive) -> None:
+    while (await receive())["type"] != "http.disconnect":
+        pass
 
 
 def solve(question: Question) -> dict[str, Any]:
@@ -135,13 +185,17 @@ def solve(question: Question) -> dict[str, Any]:
 
 def to_question(given: PlacementIn) -> Question:
     """Return what is asked. Raises BadInput naming the field of the scenario, or options that do not go together."""
+    for name, most in (("threats", MAX_THREATS), ("hosts", MAX_HOSTS), ("keep_outs", MAX_KEEP_OUTS)):
+        _require_at_most(given.scenario.get(name), most, f"scenario.{name}")
+    _require_at_most(given.scenario.get("fence"), MAX_CORNERS, "scenario.fence")
+    for number, area in enumerate(given.scenario.get("keep_outs") or ()):
+        if isinstance(area, dict):
+            _require_at_most(area.get("polygon"), MAX_CORNERS, f"scenario.keep_outs[{number}].polygon")
     try:
         problem = problem_from_json(given.scenario, formulation=given.formulation, objective=given.objective)
     except BadInput as error:
         raise BadInput(f"scenario.{error.field}", error.problem) from None
     threats = len(problem.threats)
-    if threats > MAX_THREATS:
-        raise BadInput("scenario.threats", f"must be at most {MAX_THREATS}, not {threats}")
     if given.n_hosts is not None and given.n_hosts > 2 * threats:
         raise BadInput("n_hosts", f"{given.n_hosts} is outside 2..{2 * threats}: more than two per threat have no use")
     options = {"n_hosts": given.n_hosts, "target_error_m": given.target_error_m, "frontier": given.frontier or None}
@@ -158,9 +212,15 @@ def to_question(given: PlacementIn) -> Question:
     )
 
 
+def _require_at_most(items: Any, most: int, field: str) -> None:
+    """Refuse a list that is too long before anything looks at what is in it."""
+    if isinstance(items, list) and len(items) > most:
+        raise BadInput(field, f"must be at most {most}, not {len(items)}")
+
+
 def routes(what_if: WhatIf) -> APIRouter:
     """Return the route that answers what-if questions."""
-    router = APIRouter(prefix="/api/v1")
+    router = APIRouter(prefix="/api/v1", route_class=BoundedRoute)
     trouble = {
         "description": "What is wrong, with the field and the value",
         "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
@@ -171,14 +231,19 @@ def routes(what_if: WhatIf) -> APIRouter:
     @router.post(
         "/placements",
         operation_id="postPlacement",
+        response_model=dict[str, Any],
         responses={200: shown, **dict.fromkeys((400, 413, 422, 503), trouble)},
     )
-    async def post_placement(given: PlacementIn) -> dict[str, Any]:
+    async def post_placement(request: Request, given: PlacementIn) -> Response:
         """Place hosts for a scenario, without flying anything.
 
         Answers a plan file, also for an infeasible scenario (its ``status`` and ``reason`` say so), or with
         ``frontier`` a list of them, one for each number of hosts.
         """
-        return await what_if.answer(to_question(given))
+        question = to_question(given)
+        share_of(request.scope).give_way()
+        client = "" if request.client is None else request.client.host
+        # a client that has left reads no answer
+        return JSONResponse(await unless_left(what_if.answer(question, client), request.receive))
 
     return router

@@ -2,40 +2,56 @@
 
 import json
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from http import HTTPStatus
+from itertools import islice
 from typing import Any
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
-from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from hsop_gcs.errors import BadInput, HsopError, NotKnown, Refused
 
 MEDIA_TYPE = "application/problem+json"
 _STATUS_OF = {BadInput: 422, NotKnown: 404, Refused: 409}
 
+MAX_SHOWN = 80
+"""Characters of a value, or of a field's name, that are shown of what a client sent."""
+MAX_FAULTS = 8
+"""Faults of one body, or one report, that are told; the rest are mostly the same."""
+_MAX_DETAIL = 500
+_FEW = 4
+
 log = logging.getLogger(__name__)
 
 
-def problem(status: int, detail: str, **more: Any) -> JSONResponse:
+def body_of(status: int, detail: str, **more: Any) -> dict[str, Any]:
+    """Return what a problem says; ``more`` are extension members."""
+    detail = clipped(detail)
+    return {"type": "about:blank", "title": HTTPStatus(status).phrase, "status": status, "detail": detail, **more}
+
+
+def problem(status: int, detail: str, *, headers: Mapping[str, str] | None = None, **more: Any) -> JSONResponse:
     """Return a problem answer; ``more`` are extension members."""
-    body = {"type": "about:blank", "title": HTTPStatus(status).phrase, "status": status, "detail": detail, **more}
-    return _ProblemAnswer(body, status_code=status)
+    return _ProblemAnswer(body_of(status, detail, **more), status_code=status, headers=headers)
 
 
 def faults_of(errors: Sequence[Any]) -> list[dict[str, str]]:
-    """Return pydantic's errors as field and problem, with the value that was given."""
+    """Return pydantic's first errors as field and problem, with the value that was given."""
     faults = []
-    for error in errors:
-        field = ".".join(str(part) for part in error["loc"] if part != "body") or "body"
+    for error in errors[:MAX_FAULTS]:
+        field = ".".join(str(part)[:MAX_SHOWN] for part in error["loc"] if part != "body") or "body"
         message = error["msg"].removeprefix("Value error, ")
-        given = "" if error["type"] == "missing" else f" (given: {_short(error.get('input'))})"
+        given = "" if error["type"] == "missing" else f" (given: {shown(error.get('input'))})"
         faults.append({"field": field, "problem": message[:1].lower() + message[1:] + given})
     return faults
+
+
+def fault_of(error: BadInput) -> dict[str, str]:
+    """Return what is wrong with a value as field and problem."""
+    return {"field": clipped(error.field), "problem": clipped(error.problem)}
 
 
 def install(app: FastAPI) -> None:
@@ -50,8 +66,18 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(HsopError)
     async def _told(_: Request, error: HsopError) -> JSONResponse:
-        faults = {"errors": [{"field": error.field, "problem": error.problem}]} if isinstance(error, BadInput) else {}
-        return problem(_STATUS_OF.get(type(error), 503), str(error), **faults)
+        status = next((status for kind, status in _STATUS_OF.items() if isinstance(error, kind)), 503)
+        if isinstance(error, BadInput):
+            return problem(status, str(error), errors=[fault_of(error)])
+        return problem(status, str(error))
+
+    @app.exception_handler(NotJson)
+    async def _no_json(_: Request, error: NotJson) -> JSONResponse:
+        return problem(400, f"body: {error}")
+
+    @app.exception_handler(TooManyFields)
+    async def _fields(_: Request, error: TooManyFields) -> JSONResponse:
+        return problem(422, f"body: {error.detail}", errors=[{"field": "body", "problem": error.detail}])
 
     @app.exception_handler(HTTPException)
     async def _http(_: Request, error: HTTPException) -> JSONResponse:
@@ -65,6 +91,17 @@ def install(app: FastAPI) -> None:
         return problem(500, "an internal fault; the service's log has the details")
 
 
+class NotJson(Exception):
+    """A body that is no JSON; says where it ends being so."""
+
+
+class TooManyFields(HTTPException):
+    """A body with more fields than any request has; the framework lets this one pass from where it reads bodies."""
+
+    def __init__(self, count: int, most: int) -> None:
+        super().__init__(422, f"{count} fields; no request has more than {most}")
+
+
 class _ProblemAnswer(JSONResponse):
     """Escapes all that is not ASCII: what is shown of a bad request may be no text that UTF-8 can carry."""
 
@@ -74,31 +111,23 @@ class _ProblemAnswer(JSONResponse):
         return json.dumps(content).encode()
 
 
-class PlainErrorsAsProblems:
-    """Turns an error that a middleware below answers in plain text into a problem like all others."""
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        replaced: JSONResponse | None = None
-
-        async def send_problem(message: Message) -> None:
-            nonlocal replaced
-            if message["type"] == "http.response.start" and message["status"] >= 400:
-                kind = Headers(raw=message["headers"]).get("content-type", "")
-                if kind.startswith("text/plain"):
-                    status = message["status"]
-                    replaced = problem(status, HTTPStatus(status).phrase)
-                    return
-            if replaced is None:
-                await send(message)
-            elif not message.get("more_body", False):
-                await replaced(scope, receive, send)
-
-        await self._app(scope, receive, send_problem)
+def shown(value: object, levels: int = 2) -> str:
+    """Return a value that somebody gave, short, without looking through all of it; ``levels``: of what is nested."""
+    if isinstance(value, str):
+        text = repr(value[:MAX_SHOWN])
+    elif isinstance(value, dict | list) and len(value) > 0 and levels == 0:
+        text = "{...}" if isinstance(value, dict) else "[...]"
+    elif isinstance(value, dict):
+        items = [f"{shown(name)}: {shown(each, levels - 1)}" for name, each in islice(value.items(), _FEW)]
+        text = "{" + ", ".join(items + ["..."] * (len(value) > _FEW)) + "}"
+    elif isinstance(value, list):
+        items = [shown(each, levels - 1) for each in islice(value, _FEW)]
+        text = "[" + ", ".join(items + ["..."] * (len(value) > _FEW)) + "]"
+    else:
+        text = repr(value)
+    return text if len(text) <= MAX_SHOWN else text[: MAX_SHOWN - 3] + "..."
 
 
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 80 else text[:77] + "..."
+def clipped(text: str) -> str:
+    """Return a sentence that may quote a client, no longer than anybody reads."""
+    return text if len(text) <= _MAX_DETAIL else text[: _MAX_DETAIL - 3] + "..."

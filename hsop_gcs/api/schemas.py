@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, AwareDatetime, BaseModel, BeforeValidator, ConfigDict, Field
 
+from hsop_gcs.api.commands import HostId, NamedHosts
 from hsop_gcs.mission.core import Wish
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.reports import AltitudeDatum
@@ -29,6 +30,7 @@ def _printable(text: str) -> str:
 
 
 LONGEST_NAME = 64
+ShortText = Annotated[str, Field(min_length=1, max_length=128)]
 Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_printable)]
 
 
@@ -284,14 +286,21 @@ class ReadyOut(BaseModel):
 class ApprovalIn(_Request):
     model_config = ConfigDict(json_schema_extra={"examples": [{"plan_id": "P3"}]})
 
-    plan_id: str
+    plan_id: ShortText
+
+
+class HoldIn(_Request):
+    """Stopping is the one command that may leave out whom it is for: then it is for all."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"hosts": ["h1"]}, {}]})
+
+    hosts: NamedHosts = None
 
 
 class HostsIn(_Request):
-    model_config = ConfigDict(json_schema_extra={"examples": [{"hosts": ["h1"]}, {}]})
+    model_config = ConfigDict(json_schema_extra={"examples": [{"hosts": ["h1"]}, {"hosts": "all"}]})
 
-    hosts: list[str] | None = None
-    """None: all of them."""
+    hosts: NamedHosts
 
 
 class TakeOffIn(HostsIn):
@@ -303,8 +312,8 @@ class TakeOffIn(HostsIn):
 class RegisterIn(_Request):
     model_config = ConfigDict(json_schema_extra={"examples": [{"host": "h1", "address": "10.0.0.5:14550"}]})
 
-    host: str
-    address: str
+    host: HostId
+    address: ShortText
     """One of the host's ``link.claimants``."""
 
 
@@ -403,6 +412,15 @@ class LinkHealth(BaseModel):
     """Systems that are heard and not in the fleet."""
 
 
+class ClientsHealth(BaseModel):
+    """Connections of clients, and what was more than one may take."""
+
+    connections: int
+    """Open now."""
+    refused: dict[str, int]
+    """Since the service started, by what there was too much of."""
+
+
 class HealthOut(BaseModel):
     status: Literal["ok", "degraded"]
     problems: list[str]
@@ -420,3 +438,4 @@ class HealthOut(BaseModel):
     gates: dict[str, int]
     """How often each gate closed for a host that was open before, and each traffic rule stopped a flying one."""
     link: LinkHealth
+    clients: ClientsHealth

@@ -6,8 +6,10 @@ from dataclasses import asdict
 
 import numpy as np
 
+from hsop_gcs.api.bounds import Account
 from hsop_gcs.api.schemas import (
     AimOut,
+    ClientsHealth,
     DetectionCounts,
     EventOut,
     FailsafesOut,
@@ -141,7 +143,7 @@ def plans_out(mission: Mission) -> PlansOut:
     )
 
 
-def health_out(mission: Mission, started_at_s: float) -> HealthOut:
+def health_out(mission: Mission, started_at_s: float, account: Account) -> HealthOut:
     """Return what works and what does not. started_at_s: when the service began, on the mission's clock."""
     unavailable = mission.unavailable()
     problems = _problems(mission, unavailable)
@@ -167,6 +169,10 @@ def health_out(mission: Mission, started_at_s: float) -> HealthOut:
         journal=None if mission.journal is None else _journal(mission.journal),
         gates=dict(mission.sky.closings),
         link=_link(mission.link),
+        clients=ClientsHealth(
+            connections=account.connections,
+            refused={str(excess): count for excess, count in account.excesses.items()},
+        ),
     )
 
 

@@ -49,7 +49,7 @@ class Console:
         self._begin("waiting for the hosts' links")
         await self._until(lambda host: host["unavailable_reason"] == "the vehicle is not armed")
         self._begin(f"ordering take-off to {TAKE_OFF_M:.0f} m")
-        await self._post("hosts/take-off", {"altitude_m": TAKE_OFF_M})
+        await self._post("hosts/take-off", {"altitude_m": TAKE_OFF_M, "hosts": "all"})
 
     async def planner_ready(self) -> None:
         """Wait until the service can plan."""

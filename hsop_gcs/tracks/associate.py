@@ -15,12 +15,12 @@ from hsop_gcs.reports import Bearing, Measurement, Report
 from hsop_gcs.tracks import kernels
 from hsop_gcs.tracks.filter import FloatArray
 from hsop_gcs.tracks.gate import distances, gate, impossible
-from hsop_gcs.tracks.history import History, can_take, state_before, step_before
+from hsop_gcs.tracks.history import can_take, state_before, step_before
 from hsop_gcs.tracks.kernels import FORBIDDEN
 from hsop_gcs.tracks.rules import TrackRules
 from hsop_gcs.tracks.sources import Refusal, RefusalKind
 from hsop_gcs.tracks.table import Table
-from hsop_gcs.tracks.track import Track
+from hsop_gcs.tracks.track import Binding, Track
 
 
 @dataclass(slots=True)
@@ -157,16 +157,21 @@ def _add_nearest(
             doubts |= {(number, row) for row in range(len(table)) if cost[number, row] < FORBIDDEN}
     if found.tracks:
         cost[:, list(found.tracks.values())] = FORBIDDEN
+    # looked up once for all pairs they are in: where every track lies in every gate, the pairs are very many
+    told: dict[int, list[Measurement]] = {}
+    from_s = min(scan[index].time_s for index in free) - rules.scan_s
     for number, row in sorted(doubts):
         if cost[number, row] == FORBIDDEN:
             continue
-        index, track = free[number], table.track(row)
-        same_scan = _of_same_scan(track.steps, scan[index], rules)
-        barring = barred.get(index) == row or _has_other_id(track, scan[index])
+        index = free[number]
+        if row not in told:
+            told[row] = list(table.history(row).since(from_s))
+        same_scan = _of_same_scan(told[row], scan[index], rules)
+        barring = barred.get(index) == row or _has_other_id(table.names[row].sources, scan[index])
         if barring or same_scan:
             cost[number, row] = FORBIDDEN
         if scan[index] in same_scan and not barring:
-            found.refusals[index] = _duplicate(track)
+            found.refusals[index] = _duplicate(table.track(row))
     for number, row in enumerate(kernels.assigned(cost).tolist()):
         index = free[number]
         if cost[number, row] < FORBIDDEN and index not in found.refusals:
@@ -190,17 +195,17 @@ def _costs(table: Table, bearing: Bearing, rules: TrackRules) -> FloatArray:
     return np.where(squared <= gate(bearing, rules), squared + log_det + second, FORBIDDEN)
 
 
-def _has_other_id(track: Track, measurement: Measurement) -> bool:
-    """Whether the source knows the track by another id: it says that these are two threats."""
-    return measurement.threat_id is not None and any(
-        each.source == measurement.source and each.threat_id != measurement.threat_id for each in track.sources
-    )
+def _has_other_id(bindings: Sequence[Binding], measurement: Measurement) -> bool:
+    """Whether the source knows a track of these ids by another one: it says that these are two threats."""
+    if measurement.threat_id is None:
+        return False
+    return any([each.source == measurement.source and each.threat_id != measurement.threat_id for each in bindings])
 
 
-def _of_same_scan(steps: History, measurement: Measurement, rules: TrackRules) -> list[Measurement]:
-    """Return what the same source has said of the track at the same time."""
+def _of_same_scan(lately: Sequence[Measurement], measurement: Measurement, rules: TrackRules) -> list[Measurement]:
+    """Return what the same source has said of the track at the same time, of what the track was told lately."""
     from_s, to_s = measurement.time_s - rules.scan_s, measurement.time_s + rules.scan_s
-    return [each for each in steps.since(from_s) if each.source == measurement.source and each.time_s <= to_s]
+    return [each for each in lately if from_s <= each.time_s <= to_s and each.source == measurement.source]
 
 
 def _untimely(track: Track, measurement: Measurement, rules: TrackRules) -> Refusal | None:

@@ -117,8 +117,12 @@ class Table(Mapping[str, Track]):
             reports=int(reports),
             first_seen_s=first_seen_s,
             state=self.log.state(int(newest)),
-            steps=History(self.log, int(newest), self.rules.memory_s),
+            steps=self.history(row),
         )
+
+    def history(self, row: int) -> History:
+        """Return what the track in a row was told lately."""
+        return History(self.log, int(self.facts[row, kernels.NEWEST]), self.rules.memory_s)
 
     def __getitem__(self, track_id: str) -> Track:
         track = self._made.get(track_id)

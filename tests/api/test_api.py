@@ -38,7 +38,7 @@ def test_a_recall_that_no_host_hears_is_shown_until_it_is_released(client: httpx
     h1, h2 = (host["pending"] for host in client.get("/api/v1/hosts").json())
     assert h1 is None
     assert (h2["command"], h2["by_operator"], h2["why"]) == ("return to launch", True, "no link to the vehicle")
-    client.post("/api/v1/hosts/release", json={}).raise_for_status()
+    client.post("/api/v1/hosts/release", json={"hosts": "all"}).raise_for_status()
     assert [host["pending"] for host in client.get("/api/v1/hosts").json()] == [None, None]
 
 
@@ -49,7 +49,12 @@ def test_a_recall_that_no_host_hears_is_shown_until_it_is_released(client: httpx
         ("/api/v1/plan/approve", {}, 422, "plan_id"),
         ("/api/v1/plan/approve", {"plan_id": "P7", "force": True}, 422, "force"),
         ("/api/v1/hosts/take-off", {"altitude_m": 20, "hosts": ["h9"]}, 404, "h9"),
-        ("/api/v1/hosts/take-off", {"altitude_m": 2000}, 422, "2000"),
+        ("/api/v1/hosts/take-off", {"altitude_m": 2000, "hosts": "all"}, 422, "2000"),
+        ("/api/v1/hosts/take-off", {"altitude_m": 20}, 422, "hosts"),
+        ("/api/v1/hosts/recall", {}, 422, "hosts"),
+        ("/api/v1/hosts/release", {}, 422, "hosts"),
+        ("/api/v1/hosts/recall", {"hosts": []}, 422, "hosts"),
+        ("/api/v1/hosts/recall", {"hosts": None}, 422, "all"),
         ("/api/v1/hosts/hold", {"hosts": "h1"}, 422, "hosts"),
         ("/api/v1/nothing", {}, 404, "Not Found"),
     ],

@@ -8,12 +8,13 @@ from typing import Any
 import httpx2
 import pytest
 
-from hsop_gcs.api.placements import MAX_AT_ONCE
+from hsop_gcs.api.placements import MAX_AT_ONCE, MAX_PER_CLIENT
 from tests.oracles.check_plan import check
 from tests.placement.examples import read
-from tests.service import service, settings
+from tests.service import service, settings, wait_until
 
 TWO: dict[str, Any] = read("2-threats-102")
+MANY = {"threats": [{"id": f"t{k}", "position_m": [60 * k, 0], "velocity_mps": [1, 1]} for k in range(40)]}
 
 
 @pytest.fixture(scope="module")
@@ -86,12 +87,50 @@ def test_a_fault_is_told_by_its_field(client: httpx2.Client, question: dict[str,
 
 
 def test_too_many_questions_at_once_are_refused_while_the_service_answers_others(client: httpx2.Client) -> None:
-    with ThreadPoolExecutor(MAX_AT_ONCE + 2) as askers:
-        asked = [askers.submit(ask, client, n_hosts=3, time_limit_s=2.0) for _ in range(MAX_AT_ONCE + 2)]
+    elsewhere = httpx2.Client(
+        base_url=client.base_url, timeout=150, transport=httpx2.HTTPTransport(local_address="127.0.0.2")
+    )
+    with elsewhere, ThreadPoolExecutor(6) as askers:
+        asked = [
+            askers.submit(ask, asker, n_hosts=3, time_limit_s=2.0) for asker in (client, elsewhere) for _ in range(3)
+        ]
         while not any(each.done() for each in asked):
             client.get("/api/v1/health").raise_for_status()
             time.sleep(0.02)
         answers = [each.result() for each in asked]
-    assert sorted(answer.status_code for answer in answers) == [200] * MAX_AT_ONCE + [503, 503]
+    for asker in (answers[:3], answers[3:]):
+        assert sum(answer.status_code == 200 for answer in asker) <= MAX_PER_CLIENT
+    assert sorted(answer.status_code for answer in answers) == [200] * MAX_AT_ONCE + [503] * 3
     refused = next(answer for answer in answers if answer.status_code == 503)
     assert "ask again" in refused.json()["detail"]
+
+
+def test_a_question_whose_client_has_left_is_given_up(client: httpx2.Client) -> None:
+    for _ in range(2 * MAX_PER_CLIENT):
+        with pytest.raises(httpx2.ReadTimeout):
+            client.post(
+                "/api/v1/placements",
+                json={"scenario": MANY, "time_limit_s": 10.0},
+                timeout=httpx2.Timeout(10, read=0.2),
+            )
+    # nobody waits for the ones before any more: this one is taken, and long before they would have been answered
+    wait_until(lambda: ask(client, n_hosts=3, time_limit_s=0.3).status_code == 200, limit_s=10.0)
+
+
+@pytest.mark.parametrize(
+    ("part", "field"),
+    [
+        ({"hosts": [{}] * 101}, "scenario.hosts"),
+        ({"keep_outs": [{}] * 101}, "scenario.keep_outs"),
+        ({"fence": [[0, 0]] * 1001}, "scenario.fence"),
+        ({"keep_outs": [{"polygon": [[0, 0]] * 1001}]}, "scenario.keep_outs[0].polygon"),
+        ({"x" * 10_000: 1}, "scenario"),
+    ],
+)
+def test_a_scenario_has_no_more_of_anything_than_can_be_solved(
+    client: httpx2.Client, part: dict[str, Any], field: str
+) -> None:
+    answer = ask(client, scenario={**TWO, **part})
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["field"].startswith(field)
+    assert len(answer.content) < 2000

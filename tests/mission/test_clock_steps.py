@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from hsop_gcs.api.bounds import Account
 from hsop_gcs.api.views import event_out, health_out, threat_out
 from hsop_gcs.journal import Journal
 from hsop_gcs.mission.controller import Mission
@@ -61,7 +62,9 @@ class Watch:
         self.silent_s = max(self.silent_s, mission.clock() - track.time_s)
         assert track.status is TrackStatus.CONFIRMED
         shown = threat_out(track, mission).time.timestamp()
-        assert shown == pytest.approx(health_out(mission, 0.0).time.timestamp(), abs=2.5), "shown by one clock"
+        assert shown == pytest.approx(health_out(mission, 0.0, Account()).time.timestamp(), abs=2.5), (
+            "shown by one clock"
+        )
 
 
 def grown(counts: Sequence[tuple[float, int]], from_s: float, to_s: float) -> int:
@@ -103,7 +106,7 @@ def test_tracks_neither_freeze_nor_vanish_and_all_sources_are_taken_at_once(by_s
     assert any(progress.flying for progress in mission.state.progress.values()), "flights go on"
     (stepped,) = [each for each in mission.events if isinstance(each.event, ClockStepped)]
     assert event_out(stepped, mission).details == {"by_s": pytest.approx(by_s), "offset_s": pytest.approx(by_s)}
-    health = health_out(mission, 0.0)
+    health = health_out(mission, 0.0, Account())
     assert health.status == "degraded"
     which, side = ("forward", "behind") if by_s > 0 else ("back", "ahead of")
     assert [each for each in health.problems if each.startswith(("clock", "source"))] == [
@@ -154,7 +157,7 @@ def test_a_clock_that_is_set_while_the_service_starts_and_drifts_afterwards_cost
 def test_a_source_whose_clock_alone_is_set_is_refused_and_named(by_s: float, why: str) -> None:
     clock = stepping((STEPPED_S, by_s))
     mission = flown(flight(true_utc, radar=clock, cameras=clock), lambda _: None)
-    told = [each for each in health_out(mission, 0.0).problems if each.startswith("source")]
+    told = [each for each in health_out(mission, 0.0, Account()).problems if each.startswith("source")]
     assert any(each.startswith("source 'radar': all 6 it sent for 5 s are refused: time: ") for each in told)
     assert any(why in each for each in told)
     assert any(each.startswith("source 'cameras of h1': all ") for each in told)

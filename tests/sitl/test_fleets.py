@@ -153,7 +153,7 @@ def test_two_hosts_of_a_fleet_file_take_off_in_the_simulator() -> None:
     with service(elsewhere) as client, simulated_fleet(port, 2, *options):
         reasons = {"the vehicle is not armed"}
         wait_until(lambda: {host["unavailable_reason"] for host in client.get("/api/v1/hosts").json()} == reasons)
-        client.post("/api/v1/hosts/take-off", json={"altitude_m": 15}).raise_for_status()
+        client.post("/api/v1/hosts/take-off", json={"altitude_m": 15, "hosts": "all"}).raise_for_status()
         places = wait_until(lambda: hovering_at(client, 15.0), limit_s=60)
     assert math.dist(*places) == pytest.approx(15.0, abs=1.0)
 

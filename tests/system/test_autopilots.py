@@ -219,7 +219,7 @@ def test_real_autopilots_take_off_hover_where_planned_are_replanned_and_lose_one
         everybody = {vehicle.id for vehicle in vehicles}
         ready = {"the vehicle is not armed"}
         wait_until(lambda: {host["unavailable_reason"] for host in hosts_of(client).values()} == ready, limit_s=READY_S)
-        client.post("/api/v1/hosts/take-off", json={"altitude_m": TAKE_OFF_M}).raise_for_status()
+        client.post("/api/v1/hosts/take-off", json={"altitude_m": TAKE_OFF_M, "hosts": "all"}).raise_for_status()
 
         def up() -> bool:
             events = client.get("/api/v1/events").json()
