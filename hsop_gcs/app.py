@@ -16,6 +16,7 @@ from hsop_gcs.api.front import Front
 from hsop_gcs.api.placements import WhatIf
 from hsop_gcs.api.server import serving
 from hsop_gcs.clocks import Clock, RisingClock, boot_id, steady_s
+from hsop_gcs.disk import DiskWatch
 from hsop_gcs.errors import Unavailable
 from hsop_gcs.geometry import triangulation
 from hsop_gcs.link.codec import message_ids
@@ -23,7 +24,7 @@ from hsop_gcs.link.guest_port import GuestPort
 from hsop_gcs.link.key_files import TimestampFile, read_key
 from hsop_gcs.link.pump import Link
 from hsop_gcs.link.signing import Signing, SigningClock
-from hsop_gcs.link.tlog import TlogWriter, create_tlog
+from hsop_gcs.link.tlog import TlogWriter, open_tlog
 from hsop_gcs.mission.clock import MissionClock
 from hsop_gcs.mission.controller import Mission
 from hsop_gcs.mission.recovery import resumed
@@ -55,7 +56,11 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
                 log.warning("journal %s: its last line was torn; %d bytes were cut off", path, journal.bytes_cut)
         tlog, rising = None, RisingClock()
         if settings.service.tlog is not None:
-            tlog = TlogWriter(stack.enter_context(create_tlog(Path(settings.service.tlog), rising())))
+            tlog = stack.enter_context(open_tlog(Path(settings.service.tlog), rising))
+        disk = None
+        folders = _written_to(settings)
+        if folders and settings.service.disk_reserve_bytes:
+            disk = stack.enter_context(DiskWatch(folders, settings.service.disk_reserve_bytes))
         link = await stack.enter_async_context(link_of(settings, tlog=tlog, watchdog_s=_WATCHDOG_S, rising=rising))
         for host in settings.hosts:
             if host.mavsdk_port is not None:
@@ -70,6 +75,7 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
             recovered=recovered,
             journal=journal,
             tlog=tlog,
+            disk=disk,
             tracker_ready=False,
         )
         runner = asyncio.create_task(mission.run())
@@ -78,6 +84,12 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
         finally:
             runner.cancel()
             await asyncio.gather(runner, return_exceptions=True)
+
+
+def _written_to(settings: Settings) -> list[Path]:
+    """The folders that the service goes on writing to."""
+    journal, tlog = settings.service.journal, settings.service.tlog
+    return [*([Path(journal).parent] if journal else []), *([Path(tlog)] if tlog else [])]
 
 
 async def load_tracker(mission: Mission) -> None:

@@ -134,13 +134,13 @@ def _routes(mission: Mission, account: Account) -> APIRouter:
         """The plan that waits for approval, the one that flies, and why there is none if there is none."""
         return views.plans_out(mission)
 
-    @router.post("/plan/approve", operation_id="approvePlan", responses=_problems(404, 409, 422))
+    @router.post("/plan/approve", operation_id="approvePlan", responses=_problems(404, 409, 422, 503))
     async def approve_plan(approval: ApprovalIn) -> PlansOut:
         """Let the proposed plan fly. The id makes sure that it is the plan that was looked at."""
         mission.approve(approval.plan_id)
         return views.plans_out(mission)
 
-    @router.post("/hosts/take-off", operation_id="takeOff", responses=_problems(404, 422))
+    @router.post("/hosts/take-off", operation_id="takeOff", responses=_problems(404, 409, 422, 503))
     async def take_off(wanted: TakeOffIn) -> HostsOut:
         """Order hosts into the air. Nothing else in this service makes a host take off."""
         return HostsOut(hosts=mission.take_off(wanted.altitude_m, distinct(wanted.hosts, mission.fleet)))

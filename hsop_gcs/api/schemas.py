@@ -393,6 +393,12 @@ class JournalHealth(BaseModel):
     """Entries that took effect before they were handed to the operating system."""
 
 
+class TlogHealth(BaseModel):
+    fault: str | None
+    lost: int
+    """Frames that were left out, for the disk took none."""
+
+
 class LinkHealth(BaseModel):
     """Frames and datagrams since the service started."""
 
@@ -435,6 +441,8 @@ class HealthOut(BaseModel):
     planning: PlanningHealth
     journal: JournalHealth | None
     """None: the service keeps none."""
+    tlog: TlogHealth | None
+    """The telemetry log; None: the service keeps none."""
     gates: dict[str, int]
     """How often each gate closed for a host that was open before, and each traffic rule stopped a flying one."""
     link: LinkHealth

@@ -29,6 +29,7 @@ from hsop_gcs.api.schemas import (
     SourceCounts,
     SourceIdOut,
     ThreatOut,
+    TlogHealth,
     ViewOut,
 )
 from hsop_gcs.assignment import HostOrder
@@ -38,6 +39,7 @@ from hsop_gcs.geometry.frames import Aim, GeodeticPoint
 from hsop_gcs.journal import Journal
 from hsop_gcs.link.protocol.gimbal import separation_deg
 from hsop_gcs.link.pump import Link
+from hsop_gcs.link.tlog import TlogWriter
 from hsop_gcs.link.vehicle import Progress
 from hsop_gcs.mission.controller import LoggedEvent, Mission
 from hsop_gcs.mission.dispatch import OrderProgress
@@ -166,7 +168,8 @@ def health_out(mission: Mission, started_at_s: float, account: Account) -> Healt
             last_solve_s=None if newest is None else newest.decision.placement.solve_time_s,
             fault=mission.solver_fault,
         ),
-        journal=None if mission.journal is None else _journal(mission.journal),
+        journal=None if mission.storage.journal is None else _journal(mission.storage.journal),
+        tlog=None if mission.storage.tlog is None else _tlog(mission.storage.tlog),
         gates=dict(mission.sky.closings),
         link=_link(mission.link),
         clients=ClientsHealth(
@@ -198,10 +201,7 @@ def _problems(mission: Mission, unavailable: Mapping[str, Closed]) -> list[str]:
         if link.signature_refused and not mission.vehicle(host).state.link_up:
             refused = ", ".join(f"{count} {what}" for what, count in link.signature_refused.items())
             problems.append(f"host {host.id}: frames refused by signature: {refused}")
-    if mission.journal is not None and (fault := mission.journal.status.fault) is not None:
-        problems.append(f"journal: {fault}")
-    if mission.tlog is not None and mission.tlog.fault is not None:
-        problems.append(f"telemetry log: {mission.tlog.fault}")
+    problems += mission.storage.problems
     problems += [f"awaited: {reason}" for reason in mission.awaited.values()]
     if mission.solver_fault is not None:
         problems.append(f"planning: {mission.solver_fault}")
@@ -227,6 +227,10 @@ def _clock_problems(mission: Mission) -> list[str]:
 
 def _journal(journal: Journal) -> JournalHealth:
     return JournalHealth(file=str(journal.path), bytes_cut=journal.bytes_cut, **asdict(journal.status))
+
+
+def _tlog(tlog: TlogWriter) -> TlogHealth:
+    return TlogHealth(fault=tlog.fault, lost=tlog.lost)
 
 
 def _reports(mission: Mission) -> ReportCounts:

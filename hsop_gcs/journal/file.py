@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
+from hsop_gcs.disk import is_passing
 from hsop_gcs.errors import BadInput, Unavailable
 from hsop_gcs.journal.backlog import GIVEN_UP
 from hsop_gcs.journal.entry import Entry, body_of, line_of
@@ -30,9 +31,6 @@ from hsop_gcs.journal.segments import (
 
 Write = Callable[[int, bytes], int]
 """Writes to a file descriptor; returns how many bytes it took. Raises OSError."""
-
-_PASSING = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.ESTALE, errno.ENODEV, errno.ENXIO, errno.EFBIG}
-"""What a disk may say and be mended: a service starts all the same. Anything else is a mistake in the settings."""
 
 
 class JournalFile:
@@ -93,7 +91,7 @@ class JournalFile:
         try:
             self._open()
         except OSError as error:
-            if error.errno not in _PASSING:
+            if not is_passing(error):
                 raise
 
     def _open(self) -> int:
@@ -218,7 +216,7 @@ def _locked(path: Path) -> int:
         try:
             lock = os.open(name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
         except OSError as error:
-            if error.errno not in _PASSING:
+            if not is_passing(error):
                 raise
             # nothing can be created there now, and so by no other process either
             lock = os.open(path if not name.exists() else name, os.O_RDONLY | os.O_CLOEXEC)
@@ -255,7 +253,7 @@ def _settle(path: Path) -> None:
             newest.path.rename(path)
         begun.unlink(missing_ok=True)
     except OSError as error:
-        if error.errno not in _PASSING:
+        if not is_passing(error):
             raise
 
 

@@ -3,17 +3,32 @@
 The form that every ground station reads and writes.  Source: MAVLink developer guide, "Telemetry log".
 """
 
-from collections.abc import Iterator
+import errno
+import itertools
+import logging
+import os
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Self
 
-from hsop_gcs.errors import Unavailable
+from hsop_gcs.disk import is_passing
+from hsop_gcs.errors import HsopError, Unavailable
 from hsop_gcs.link.codec import STX_V1, STX_V2, Decoder, Frame, frame_length, message_id
 
 _STAMP_BYTES = 8
 _SETUP_SIGNING = 256
 _DAY_US = 86_400 * 1_000_000
+_MOST_WAITING_BYTES = 8_000_000
+"""Minutes of a fleet's frames."""
+_BATCH = 4096
+_GATHER_S = 0.1
+_RETRY_S = 0.5
+_CLOSING_S = 2.0
+
+log = logging.getLogger(__name__)
 
 
 def read_tlog(file: BinaryIO) -> Iterator[tuple[float, Frame]]:
@@ -44,28 +59,141 @@ def read_tlog(file: BinaryIO) -> Iterator[tuple[float, Frame]]:
 
 
 class TlogWriter:
-    """Appends frames to an open binary file; the caller opens and closes it.
+    """Appends frames to a file, in a thread of its own: no disk, full, slow or gone, ever stops the link.
 
-    A file that cannot be written any more ends the recording, and never the flight.
+    What the disk does not take waits in memory, within a bound; what has no room there is left out and counted. Frames
+    are written within a tenth of a second: so much a kill may lose.
     """
 
-    def __init__(self, file: BinaryIO) -> None:
+    def __init__(self, file: BinaryIO | None, *, reopen: Callable[[], BinaryIO] | None = None) -> None:
+        """file: open and unbuffered. reopen: makes another one if the file is None or was removed underneath.
+
+        With ``reopen`` files are the writer's own, to close as well.
+        """
         self._file = file
-        self.fault: str | None = None
-        """Why the recording ended; None while it goes on."""
+        self._reopen = reopen
+        self._end = 0 if file is None else file.tell()
+        self._waiting: deque[bytes] = deque()
+        self._waiting_bytes = 0
+        self._lock = threading.Lock()
+        self._problem: str | None = None
+        self.lost = 0
+        """Frames that were left out: there was no room for them, neither on the disk nor in memory."""
+        self.pausing = False
+        """While this is set nothing is recorded: what room there is, is for what matters more."""
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="telemetry log", daemon=True)
+        self._thread.start()
+
+    @property
+    def fault(self) -> str | None:
+        """Why frames are not on the disk, for a person; None: they are."""
+        lost = f"; {self.lost} frames are left out" if self.lost else ""
+        if self._problem is not None:
+            return f"cannot be written: {self._problem}{lost}"
+        return f"pauses, the disk is almost full{lost}" if self.pausing else None
 
     def write(self, time_s: float, raw: bytes) -> None:
-        """Write one frame. time_s: seconds since the Unix epoch. A frame that hands over a signing key is left out."""
-        if self.fault is not None or message_id(raw) == _SETUP_SIGNING:
+        """Record one frame. time_s: seconds since the Unix epoch. A frame that hands over a signing key is left out."""
+        if message_id(raw) == _SETUP_SIGNING:
             return
-        try:
-            self._file.write(round(time_s * 1e6).to_bytes(_STAMP_BYTES, "big") + raw)
-        except OSError as error:
-            self.fault = f"cannot be written any more: {error.strerror}"
+        if self.pausing:
+            self.lost += 1
+            return
+        record = round(time_s * 1e6).to_bytes(_STAMP_BYTES, "big") + raw
+        with self._lock:
+            self._waiting.append(record)
+            self._waiting_bytes += len(record)
+            while self._waiting_bytes > _MOST_WAITING_BYTES:
+                self._waiting_bytes -= len(self._waiting.popleft())
+                self.lost += 1
+
+    def close(self) -> None:
+        """Write what waits, if the disk takes it, and close the file if it is the writer's own."""
+        self._ended.set()
+        self._thread.join(_CLOSING_S)
+        if self._file is not None and self._reopen is not None and not self._thread.is_alive():
+            self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _run(self) -> None:
+        while True:
+            ended = self._ended.wait(_GATHER_S if self._problem is None else _RETRY_S)
+            try:
+                self._write()
+                self._problem = None
+            except (OSError, HsopError) as error:
+                self._problem = getattr(error, "strerror", None) or str(error)
+            except Exception as error:  # the thread must outlast whatever it meets
+                log.exception("the telemetry log cannot be written")
+                self._problem = type(error).__name__
+            if ended:
+                return
+
+    def _write(self) -> None:
+        """Write what waits, whole records only. Raises OSError; what was not written waits on."""
+        while self._waiting:
+            file = self._opened()
+            with self._lock:
+                batch = list(itertools.islice(self._waiting, _BATCH))
+            done = file.write(b"".join(batch)) or 0
+            whole = 0
+            for record in batch:
+                if len(record) > done:
+                    break
+                done -= len(record)
+                whole += 1
+                self._end += len(record)
+            self._forget(batch[:whole])
+            if whole < len(batch):
+                # what was begun of a record is cut off: the next one follows a whole one
+                file.seek(self._end)
+                file.truncate()
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def _forget(self, written: Sequence[bytes]) -> None:
+        with self._lock:
+            for record in written:
+                # meanwhile the oldest may have been left out
+                if self._waiting and self._waiting[0] is record:
+                    self._waiting.popleft()
+                    self._waiting_bytes -= len(record)
+
+    def _opened(self) -> BinaryIO:
+        file = self._file
+        if file is not None and self._reopen is not None and os.fstat(file.fileno()).st_nlink == 0:
+            log.warning("the telemetry log was removed; another one is begun")
+            file.close()
+            file = self._file = None
+        if file is None:
+            if self._reopen is None:
+                raise OSError(errno.ENOENT, os.strerror(errno.ENOENT))
+            file = self._file = self._reopen()
+            self._end = 0
+        return file
+
+
+def open_tlog(folder: Path, clock: Callable[[], float]) -> TlogWriter:
+    """Begin a log named after the time of its first frame. clock: UTC, seconds since the Unix epoch.
+
+    Raises Unavailable if that is not possible and will not be; a disk that is full or read-only is tried again.
+    """
+    try:
+        file = create_tlog(folder, clock())
+    except Unavailable as error:
+        if not isinstance(error.__cause__, OSError) or not is_passing(error.__cause__):
+            raise
+        file = None
+    return TlogWriter(file, reopen=lambda: create_tlog(folder, clock()))
 
 
 def create_tlog(folder: Path, time_s: float) -> BinaryIO:
-    """Create a log named after the time its run began, seconds since the Unix epoch; unbuffered: a kill loses nothing.
+    """Create a log named after the time its run began, seconds since the Unix epoch; unbuffered.
 
     Raises Unavailable if that is not possible.
     """

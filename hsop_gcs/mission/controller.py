@@ -15,6 +15,7 @@ from datetime import UTC, datetime
 
 from hsop_gcs.detections import Detection, Fate, let_go, rays_of
 from hsop_gcs.detections import Verdict as RayVerdict
+from hsop_gcs.disk import DiskWatch
 from hsop_gcs.errors import NotKnown, Refused, Unavailable
 from hsop_gcs.fleet import Fleet, Host
 from hsop_gcs.journal import Journal
@@ -52,15 +53,14 @@ from hsop_gcs.mission.inputs import (
     TimePassed,
     WishLapsed,
 )
-from hsop_gcs.mission.notices import JournalFailed, JournalResumed, Notice
+from hsop_gcs.mission.notices import Notice
 from hsop_gcs.mission.planning import Situation
 from hsop_gcs.mission.poses import Poses
-from hsop_gcs.mission.records import to_record, worth_of
 from hsop_gcs.mission.refusals import Refusals
 from hsop_gcs.mission.sky import Sky
-from hsop_gcs.mission.snapshots import to_snapshot
 from hsop_gcs.mission.solver import Solver
 from hsop_gcs.mission.state import Autonomy, Plan, ready, replan_reason
+from hsop_gcs.mission.storage import Storage
 from hsop_gcs.mission.traffic import Blocked
 from hsop_gcs.reports import Measurement, Site
 from hsop_gcs.tracks import Refusal, RefusalKind, Verdict, prune
@@ -107,6 +107,7 @@ class Mission:
         recovered: MissionState | None = None,
         journal: Journal | None = None,
         tlog: TlogWriter | None = None,
+        disk: DiskWatch | None = None,
         tracker_ready: bool = True,
     ) -> None:
         """tracker_ready: see the attribute. recovered: how an earlier service left the mission, by the journal."""
@@ -124,10 +125,7 @@ class Mission:
         self.refusals = Refusals()
         self.solver_fault: str | None = None
         """What went wrong in the solver's process, if its last run did not end in an answer."""
-        self.journal = journal
-        self._journal_failed = False
-        self.tlog = tlog
-        """What records the link, to show whether it does."""
+        self.storage = Storage(journal, tlog, disk)
         self.tracker_ready = tracker_ready
         """Whether the tracker's kernels are loaded: before that reports are refused, they would stop the loop."""
         self.sky = Sky(fleet, site, link)
@@ -187,7 +185,7 @@ class Mission:
         dated = self.dating.reports(measurements, now_s, self.state)
         given = ReportsArrived(time_s=now_s, measurements=dated, hosts_m=self.sky.hosts_m())
         after, verdicts = take_reports(self.state, given)
-        self._record(given)
+        self.storage.record(given)
         self.state = after
         for each, verdict in zip(dated, verdicts, strict=True):
             if not isinstance(verdict, Refusal):
@@ -211,7 +209,7 @@ class Mission:
         rays = rays_of(dated, self._poses.histories, self.fleet.rigs(), rules.detections)
         given = RaysArrived(time_s=now_s, rays=rays, hosts_m=self.sky.hosts_m())
         after, verdicts = take_rays(self.state, given)
-        self._record(given)
+        self.storage.record(given)
         self.state = after
         for each, verdict in zip(dated, verdicts, strict=True):
             if verdict.fate is not Fate.REFUSED:
@@ -240,7 +238,7 @@ class Mission:
 
     def approve(self, plan_id: str) -> Plan:
         """Let the proposed plan fly. Raises NotKnown, or Refused if it is not the proposal any more or not safe now:
-        then another one is made.
+        then another one is made; Unavailable while a restart would not know of its flights.
         """
         plans = self.state.plans
         plan = plans.proposed
@@ -251,15 +249,18 @@ class Mission:
             raise NotKnown(f"plan {plan_id!r}: there is no such plan" + (f"; {plan.id} is proposed" if plan else ""))
         if self.state.autonomy is Autonomy.ADVISE:
             raise Refused("this service only advises: plans are not flown")
+        self._check_storage()
         self._fly(plan)
         return plan
 
     def take_off(self, altitude_m: float, host_ids: Iterable[str] | None = None) -> list[str]:
         """Order hosts into the air, ``altitude_m`` above their homes; return their ids. Only an operator does this.
 
-        Raises Refused, and nobody takes off, if one of them does not pass a gate.
+        Raises Refused, and nobody takes off, if one of them does not pass a gate; Unavailable while a restart would not
+        know of it.
         """
         hosts = self._hosts(host_ids)
+        self._check_storage()
         check_take_off(hosts, altitude_m, self.state, self.sky, self.clock())
         names = tuple(host.id for host in hosts)
         for host in hosts:
@@ -267,6 +268,10 @@ class Mission:
         if any(name in self.state.aside or name in self.state.pending for name in names):
             self._take(HostsReleased(time_s=self.clock(), hosts=names, everyone=False))
         return list(names)
+
+    def _check_storage(self) -> None:
+        if (reason := self.storage.why_nothing_new) is not None:
+            raise Unavailable(reason)
 
     def hold(self, host_ids: Iterable[str] | None = None) -> list[str]:
         """Stop hosts where they are; return their ids. From then on no plan flies without a person's approval."""
@@ -344,7 +349,8 @@ class Mission:
 
     def _advance(self, tasks: asyncio.TaskGroup) -> None:
         now_s = self._keep_time()
-        self._watch_journal()
+        for notice in self.storage.tend(self.state, now_s):
+            self._log(None, notice)
         if self.tracker_ready:
             self._age(now_s)
         self._fly_unasked()
@@ -367,24 +373,6 @@ class Mission:
                 asked = SolverAsked(time_s=now_s, trigger=reason, situation=given)
                 self._take(asked)
                 self._solving = tasks.create_task(self._solve(asked.situation))
-
-    def _watch_journal(self) -> None:
-        """Tell once that the journal cannot be written, and once that it can again; give it the mission when due."""
-        if self.journal is None:
-            return
-        if self.journal.wants_snapshot:
-            try:
-                self.journal.save(to_snapshot(self.state), time_s=self.clock())
-            except Exception:  # the mission does not depend on it: only the next start takes longer
-                self.journal.put_off_snapshot()
-                log.exception("the mission could not be saved")
-        status = self.journal.status
-        if status.fault is not None and not self._journal_failed:
-            self._journal_failed = True
-            self._log(None, JournalFailed(reason=status.fault))
-        elif self._journal_failed and not status.waiting:
-            self._journal_failed = False
-            self._log(None, JournalResumed(given_up=status.given_up))
 
     def _keep_time(self) -> float:
         """Return mission time; a system clock that has been set meanwhile is told."""
@@ -461,7 +449,7 @@ class Mission:
     def _fly_unasked(self) -> None:
         """In auto, let a proposal fly."""
         proposed = self.state.plans.proposed
-        if self.state.autonomy is not Autonomy.AUTO or proposed is None:
+        if self.state.autonomy is not Autonomy.AUTO or proposed is None or self.storage.why_nothing_new is not None:
             return
         try:
             self._fly(proposed)
@@ -494,14 +482,8 @@ class Mission:
     def _take(self, given: Input) -> None:
         # what the mission cannot take does not get into its journal: a service that starts again could not read it
         after = apply(self.state, given)
-        self._record(given)
+        self.storage.record(given)
         self.state = after
-
-    def _record(self, given: Input) -> None:
-        """Give an input to the journal, which writes it before this returns if the disk takes it: see ``Journal``."""
-        if self.journal is not None:
-            kind, data = to_record(given)
-            self.journal.append(kind, data, time_s=given.time_s, worth=worth_of(given))
 
     def _hosts(self, host_ids: Iterable[str] | None) -> list[Host]:
         by_id = {host.id: host for host in self.fleet.hosts}

@@ -22,3 +22,15 @@ class JournalResumed(Notice):
 
     given_up: Mapping[str, int]
     """Entries by kind that had no room in memory, since the service started."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DiskLow(Notice):
+    """Less than the reserve is left on a disk: no new plan flies and nobody takes off; what flies goes on."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DiskRecovered(Notice):
+    """There is room on the disk again."""

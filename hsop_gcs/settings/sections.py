@@ -69,6 +69,8 @@ class ServiceSection(Section):
     """Where everything that happens is written down; a mission found there goes on. None: nowhere."""
     journal_keep_bytes: Annotated[int, Field(ge=0)] = KEEP_BYTES
     """What closed segments of the journal may take, compressed, before the oldest lose their raw reports."""
+    disk_reserve_bytes: Annotated[int, Field(ge=0)] = 500_000_000
+    """With less than this left on the disk of journal or telemetry log no new plan flies; 0: it is not watched."""
     tlog: Annotated[str, Field(min_length=1)] | None = None
     """The folder in which each run writes a telemetry log of every frame received and sent. None: nowhere."""
 

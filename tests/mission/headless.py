@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hsop_gcs.detections import Detection
+from hsop_gcs.disk import DiskWatch
 from hsop_gcs.fleet import Fleet, Host
 from hsop_gcs.geometry.frames import GeodeticPoint, LocalFrame
 from hsop_gcs.journal import Journal
@@ -100,9 +101,10 @@ def fly(
     solve: Decide,
     journal: Journal | None = None,
     recovered: MissionState | None = None,
+    disk: DiskWatch | None = None,
 ) -> Mission:
     """Fly a mission to its end in virtual time; return it as it then stands. recovered: how an earlier one ended."""
-    return run(_fly(flight, watch, solve, journal, recovered))
+    return run(_fly(flight, watch, solve, journal, recovered, disk))
 
 
 class _Solver(Solver):
@@ -129,6 +131,7 @@ async def _fly(
     solve: Decide,
     journal: Journal | None,
     recovered: MissionState | None,
+    disk: DiskWatch | None,
 ) -> Mission:
     loop = asyncio.get_running_loop()
     clock = MissionClock(
@@ -161,6 +164,7 @@ async def _fly(
             rules=flight.rules,
             journal=journal,
             recovered=recovered,
+            disk=disk,
         )
         await fleet.start()
         tasks = [

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from hsop_gcs.disk import DiskWatch
+from hsop_gcs.errors import Unavailable
 from hsop_gcs.journal import GIVEN_UP, Journal, read
 from hsop_gcs.link.events import CommandFinished
 from hsop_gcs.mission.controller import Mission
@@ -21,6 +23,7 @@ from hsop_gcs.replay import replay
 from hsop_gcs.simulator.battery import BatteryConfig
 from tests.mission.headless import Moment
 from tests.mission.test_safety import flown, kinds
+from tests.service import wait_until
 
 FULL_FROM_S = 6.0
 
@@ -142,3 +145,49 @@ def test_a_write_that_takes_for_ever_holds_the_mission_up_once_and_for_a_moment(
         assert journal.status.late > 5
     with resumed(tmp_path / "journal") as (_, recovered):
         assert recovered == mission.state
+
+
+@pytest.mark.parametrize("cause", ["little room", "a journal that fails"])
+def test_nothing_new_flies_while_a_restart_would_not_know_of_it_and_stops_are_obeyed(
+    tmp_path: Path, cause: str
+) -> None:
+    free, disk, refused = [1_000_000], Disk(), []
+    room = DiskWatch([tmp_path], 500_000, free=lambda _folder: free[0])
+
+    def watch(moment: Moment) -> None:
+        mission = moment.mission
+        room.look()
+        if at(2.5, moment):
+            if cause == "little room":
+                free[0] = 400_000
+            else:
+                disk.problem = errno.EIO
+                mission.release(["h3"])
+                wait_until(lambda: journal.failing)
+        elif at(7.0, moment):
+            assert mission.state.plans.proposed is not None, "plans are made and shown"
+            for wish in (lambda: mission.take_off(20.0), lambda: mission.approve(mission.state.plans.proposed.id)):
+                with pytest.raises(Unavailable, match="nothing new flies") as error:
+                    wish()
+                refused.append(str(error.value))
+            assert mission.hold(["h1"]) == ["h1"]
+            assert mission.recall(["h2"]) == ["h2"]
+        elif at(9.0, moment):
+            assert "PlanFlew" not in {type(each.event).__name__ for each in mission.events}
+            assert mission.state.plans.flying is None
+            assert mission.vehicle(mission.fleet.hosts[1]).state.mode == "Return"
+            free[0], disk.problem = 510_000, None
+            assert journal.flush(10.0)
+        elif at(9.5, moment) and cause == "little room":
+            assert mission.storage.why_nothing_new is not None, "not back and forth with every line"
+            free[0] = 600_000
+            mission.release()
+        elif at(9.5, moment):
+            mission.release()
+
+    with Journal(tmp_path / "journal", write=disk.write) as journal:
+        mission = flown(watch, duration_s=13.0, hosts=3, journal=journal, disk=room)
+    assert len(refused) == 2
+    assert mission.state.plans.flying is not None
+    told = [name for name in kinds(mission) if name.startswith(("Disk", "Journal"))]
+    assert told == (["DiskLow", "DiskRecovered"] if cause == "little room" else ["JournalFailed", "JournalResumed"])

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from hsop_gcs.assignment import HostOrder
+from hsop_gcs.disk import DiskWatch
 from hsop_gcs.errors import Refused
 from hsop_gcs.fleet import FlightLimits
 from hsop_gcs.geometry.frames import Aim
@@ -80,6 +81,7 @@ def flown(
     battery: BatteryConfig | None = None,
     journal: Journal | None = None,
     recovered: MissionState | None = None,
+    disk: DiskWatch | None = None,
 ) -> Mission:
     planning = planning or PlanningRules(horizon_s=60.0)
     rules = Rules(autonomy=Autonomy.AUTO, planning=planning, attempts=attempts)
@@ -96,7 +98,7 @@ def flown(
         camera_period_s=0.5,
         battery=battery or BatteryConfig(),
     )
-    return fly(flight, watch, Planner(), journal, recovered)
+    return fly(flight, watch, Planner(), journal, recovered, disk)
 
 
 def places_m(mission: Mission) -> dict[str, Point]:

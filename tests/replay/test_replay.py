@@ -143,8 +143,7 @@ def test_a_log_tells_the_modes_of_planes_and_rovers_and_of_any_component(
 ) -> None:
     path = tmp_path / "flight.tlog"
     encoder = Encoder(system=1, component=component)
-    with path.open("wb") as file:
-        writer = TlogWriter(file)
+    with path.open("wb") as file, TlogWriter(file) as writer:
         for second, mode in enumerate((11, 4)):
             beat = Heartbeat(type=vehicle_type, autopilot=MavAutopilot.ARDUPILOTMEGA, custom_mode=mode)
             writer.write(1_790_000_000.0 + second, encoder.encode(beat))

@@ -100,9 +100,10 @@ def main(autopilot: str, path: Path) -> None:
     with (
         tempfile.TemporaryDirectory() as folder,
         path.open("wb") as file,
+        TlogWriter(file) as log,
         real_vehicles(Path(folder), arducopters=autopilot == "ardupilot", px4s=autopilot == "px4") as (vehicle,),
     ):
-        asyncio.run(fly(vehicle.port, vehicle.system_id, Thinned(TlogWriter(file))))
+        asyncio.run(fly(vehicle.port, vehicle.system_id, Thinned(log)))
 
 
 if __name__ == "__main__":
