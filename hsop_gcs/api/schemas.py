@@ -170,8 +170,9 @@ class HostLinkOut(BaseModel):
     rate_hz: float
     """Frames a second over the last five seconds."""
     lost: int
+    """Frames missing between its sequence numbers: lost, or kept by a router for another station."""
     loss: float | None
-    """Share of frames lost over the last five seconds."""
+    """Share of what is sent to us that was lost over the last five seconds."""
     bad_frames: int
     """From its address; shared by hosts behind one radio."""
     skipped_bytes: int

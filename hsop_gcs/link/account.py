@@ -4,6 +4,7 @@ from collections import Counter, deque
 from dataclasses import dataclass
 
 from hsop_gcs.link.endpoint import Peer
+from hsop_gcs.link.timed_loss import TimedLoss
 
 _WINDOW_S = 5
 _MOST_CLAIMANTS = 8
@@ -23,7 +24,7 @@ class LinkCounters:
     unknown_messages: int
     """Good frames whose message id this system does not speak."""
     lost: int
-    """Frames missing between the sequence numbers that came."""
+    """Frames missing between the sequence numbers that came: lost, or kept by a router for another station."""
     not_in_fleet: int
     refused: int
     """Frames that carried a vehicle's id but came from another address than the one it is registered with."""
@@ -57,8 +58,9 @@ class VehicleLink:
     rate_hz: float
     """Frames a second over the last five."""
     lost: int
+    """Frames missing between its sequence numbers: lost, or kept by a router for another station."""
     loss: float | None
-    """Share of frames lost over the last five seconds; None if nothing came."""
+    """Share of frames lost over the last five seconds, by the autopilot's times; None if nothing came."""
     bad_frames: int
     """From its address: shared by vehicles behind one radio."""
     skipped_bytes: int
@@ -120,7 +122,11 @@ class Account:
         self.refused = 0
         self.signature_refused: Counter[str] = Counter()
         self.withheld: Counter[str] = Counter()
+        self.timed = TimedLoss()
+        """The loss that the autopilot's own times show."""
         self._seconds: deque[tuple[int, int, int]] = deque(maxlen=_WINDOW_S + 1)
+        self._loss: tuple[int, float | None] | None = None
+        """The loss of the second in which it was asked for last: every round asks for it."""
 
     def take(self, lost: int, now: float) -> None:
         """Count a frame, and by how many the missing ones became more; see ``Sequence``."""
@@ -151,7 +157,17 @@ class Account:
         return sum(received for received, _ in self._window(now)) / _WINDOW_S
 
     def loss(self, now: float) -> float | None:
-        """Share of frames that were lost over the same time; None if nothing came."""
+        """Share of frames that were lost over the same time; None if nothing came.
+
+        By the autopilot's times; by sequence numbers while it sends too little that has any.
+        """
+        second = int(now)
+        if self._loss is None or self._loss[0] != second:
+            timed = self.timed.loss(now)
+            self._loss = second, self._missing_share(now) if timed is None else timed
+        return self._loss[1]
+
+    def _missing_share(self, now: float) -> float | None:
         window = self._window(now)
         received, lost = sum(each[0] for each in window), max(sum(each[1] for each in window), 0)
         return lost / (received + lost) if received else None

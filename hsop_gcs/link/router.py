@@ -298,6 +298,8 @@ class Router:
         if account.peer != peer and not self._registers(frame, peer):
             return
         account.take(lost, now)
+        if frame.component == vehicle.state.component:
+            account.timed.receive(frame.message, now)
         vehicle.receive(frame.message, now, component=frame.component, sequence=frame.sequence)
         self._moved[frame.system] = self._to_send[frame.system] = self._to_tell[frame.system] = None
 
