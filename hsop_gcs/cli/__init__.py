@@ -18,9 +18,9 @@ app = typer.Typer(
 
 def main() -> None:
     """Run the command line; a fault a user can mend is one line on stderr: exit 2 for bad input, 1 for the rest."""
-    from hsop_gcs.cli import bench, check_config, demo, figures, fleet, plan, replay, serve, simulate, study
+    from hsop_gcs.cli import bench, check_config, demo, figures, fleet, journal, plan, replay, serve, simulate, study
 
-    for module in (demo, serve, check_config, fleet, simulate, plan, replay, study, figures, bench):
+    for module in (demo, serve, check_config, fleet, simulate, plan, replay, journal, study, figures, bench):
         module.register(app)
     try:
         code = app(sys.argv[1:] or ["--help"], prog_name="hsop-gcs", standalone_mode=False)

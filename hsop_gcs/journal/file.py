@@ -233,6 +233,16 @@ def _locked(path: Path) -> int:
 
 
 @contextlib.contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Be the only process that changes a journal. Raises Unavailable if another one writes it."""
+    lock = _locked(path)
+    try:
+        yield
+    finally:
+        os.close(lock)
+
+
+@contextlib.contextmanager
 def _told(path: Path) -> Iterator[None]:
     try:
         yield
