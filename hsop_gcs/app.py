@@ -20,6 +20,7 @@ from hsop_gcs.disk import DiskWatch
 from hsop_gcs.errors import Unavailable
 from hsop_gcs.geometry import triangulation
 from hsop_gcs.link.codec import message_ids
+from hsop_gcs.link.faults import describe
 from hsop_gcs.link.guest_port import GuestPort
 from hsop_gcs.link.key_files import TimestampFile, read_key
 from hsop_gcs.link.pump import Link
@@ -78,12 +79,39 @@ async def running_mission(settings: Settings) -> AsyncIterator[Mission]:
             disk=disk,
             tracker_ready=False,
         )
-        runner = asyncio.create_task(mission.run())
-        try:
+        async with _moving(mission):
             yield mission
-        finally:
-            runner.cancel()
-            await asyncio.gather(runner, return_exceptions=True)
+
+
+@asynccontextmanager
+async def _moving(mission: Mission) -> AsyncIterator[None]:
+    """Keep the mission moving. Raises Unavailable as soon as it or its link ends by itself: then nothing is served."""
+    served = asyncio.current_task()
+    failed: list[BaseException] = []
+
+    def note(task: asyncio.Task[None]) -> None:
+        error = None if task.cancelled() else task.exception()
+        if error is not None:
+            log.critical("the service ends", exc_info=error)
+            failed.append(error)
+            if served is not None:
+                served.cancel()
+
+    tasks = [asyncio.create_task(mission.run()), asyncio.create_task(mission.link.wait_ended())]
+    for task in tasks:
+        task.add_done_callback(note)
+    try:
+        yield
+    except asyncio.CancelledError:
+        if not failed or served is None:
+            raise
+        served.uncancel()
+        raise Unavailable(f"the service has ended: {describe(failed[0])}") from failed[0]
+    finally:
+        for task in tasks:
+            task.remove_done_callback(note)
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 def _written_to(settings: Settings) -> list[Path]:

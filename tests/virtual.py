@@ -85,6 +85,9 @@ class _Socket(asyncio.DatagramTransport):
         assert to is not None, "a socket without a peer is told whom to send to"
         self._loop.carry(bytes(data), self._local, (to[0], to[1]))
 
+    def get_write_buffer_size(self) -> int:
+        return 0
+
     def is_closing(self) -> bool:
         return self._closing
 

@@ -192,6 +192,8 @@ class HostLinkOut(BaseModel):
     """Messages under its system id that are not listened to, by the kind of component that sent them."""
     other_autopilots: list[int]
     """Components that speak as a second autopilot under its system id, and are not listened to."""
+    faults: int
+    """How often the service's own code has failed at a message of the host; its order was given up each time."""
     foreign_heartbeats: int
     """Under its autopilot's ids and not the autopilot's: of a companion computer, a camera, a tracker. Left out."""
 
@@ -413,6 +415,8 @@ class LinkHealth(BaseModel):
     refused: int
     signature_refused: dict[str, int]
     peers_turned_away: int
+    faults: int
+    """How often the service's own code has failed at a frame or a vehicle, which then waited for the next frame."""
     dropped_datagrams: int
     send_errors: int
     strangers: list[str]

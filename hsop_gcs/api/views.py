@@ -187,6 +187,13 @@ def _problems(mission: Mission, unavailable: Mapping[str, Closed]) -> list[str]:
     if not mission.link.running:
         problems.append("link: the pump has stopped")
     problems += [f"link: {problem}" for problem in mission.link.problems]
+    if mission.fault is not None:
+        problems.append(f"mission: nothing is supervised, and our heartbeat is withheld: {mission.fault}")
+    if mission.planning_fault is not None:
+        problems.append(f"mission: no plans are asked for: {mission.planning_fault}")
+    if mission.events_failed:
+        problems.append(f"mission: it failed at {mission.events_failed} events of hosts; see the log")
+    problems += [f"host {host}: its poses are not kept: {fault}" for host, fault in mission.pose_faults.items()]
     for host in mission.fleet.hosts:
         link = mission.link.vehicle_link(host.system_id)
         if link.claimants:

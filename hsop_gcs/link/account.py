@@ -32,6 +32,8 @@ class LinkCounters:
     """Frames over signed links that were not believed, by what was wrong."""
     peers_turned_away: int
     """Datagrams from addresses beyond the number of peers we keep account of."""
+    faults: int
+    """How often our own code has failed at a frame or a vehicle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,6 +78,8 @@ class VehicleLink:
     """Messages under its id that are not listened to, by the kind of component that sent them."""
     other_autopilots: tuple[int, ...]
     """Components that speak as a second autopilot under its id, and are not listened to."""
+    faults: int
+    """How often our own code has failed at it: its order was given up each time."""
     foreign_heartbeats: int
     """Heartbeats under its autopilot's ids that are not the autopilot's: a companion computer's, a tracker's."""
 

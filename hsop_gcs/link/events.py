@@ -78,6 +78,19 @@ class StreamRateNotKept(Event):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleFault(Event):
+    """The service failed at something the vehicle sent, or that was due for it: a fault of ours.
+
+    Whatever the vehicle was ordered is given up, and it is given nothing until a frame of its goes through without a
+    fault. where: the part that failed. frame: the frame at which it did, in hexadecimal; None: it was at no frame.
+    """
+
+    where: str
+    problem: str
+    frame: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StatusTextReceived(Event):
     """A line the autopilot wrote for a person; parts sent in several messages are joined."""
 

@@ -2,19 +2,26 @@
 
 Nothing else awaits a socket. Our heartbeat comes out of the same loop that reads, decides and sends, so that a hung
 ground station falls silent and the vehicles' failsafes notice.
+
+    open ──► running ──a fault──► running again, at once ──the fifth time in five seconds──► ended: wait_ended raises
+
+Faults of a frame, a vehicle, a socket, a recording or a listener do not get that far: they are counted, told and gone
+on from. Once the pump has ended, orders raise Unavailable: nothing is said to be sent that is not.
 """
 
 import asyncio
+import logging
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Mapping
 from types import TracebackType
 from typing import Self
 
-from hsop_gcs.errors import BadInput
+from hsop_gcs.errors import BadInput, Unavailable
 from hsop_gcs.geometry.frames import Aim
 from hsop_gcs.link.account import LinkCounters, Stranger, VehicleLink
 from hsop_gcs.link.endpoint import Address, Peer, parse_endpoint
-from hsop_gcs.link.events import Event
+from hsop_gcs.link.events import Event, VehicleFault
+from hsop_gcs.link.faults import Faults, describe, trace_of
 from hsop_gcs.link.identity import GROUND_STATION, Identity
 from hsop_gcs.link.protocol.hover import HoverOrder
 from hsop_gcs.link.router import Router
@@ -25,6 +32,10 @@ from hsop_gcs.link.vehicle import Vehicle, VehicleLimits
 _MOST_WAITING = 4096
 _LONGEST_SLEEP_S = 0.1
 _GATHER_S = 0.002
+_MOST_RESTARTS = 4
+_RESTARTS_WITHIN_S = 5.0
+
+log = logging.getLogger(__name__)
 
 
 class Link:
@@ -82,6 +93,7 @@ class Link:
         self._waiting: deque[tuple[bytes, Peer]] = deque()
         self._listeners: dict[int, list[Callable[[bytes], None]]] = defaultdict(list)
         self._dropped = 0
+        self._faults = Faults()
         self._stir = asyncio.Event()
         self._pump: asyncio.Task[None] | None = None
 
@@ -97,10 +109,10 @@ class Link:
             await self._close_transports()
             raise
         self._clock = self._clock or asyncio.get_running_loop().time
-        self._pump = asyncio.create_task(self._run(), name="link pump")
+        self._pump = asyncio.create_task(self._keep_running(), name="link pump")
 
     async def close(self) -> None:
-        """Stop the pump and close the sockets. Raises what the pump failed of, if it failed."""
+        """Stop the pump and close the sockets. Raises Unavailable if the pump had ended by itself."""
         pump, self._pump = self._pump, None
         try:
             if pump is not None:
@@ -128,6 +140,16 @@ class Link:
         """Whether the pump runs; a pump that failed has stopped our heartbeat with it."""
         return self._pump is not None and not self._pump.done()
 
+    async def wait_ended(self) -> None:
+        """Wait until the pump ends by itself, which is a fault: raises Unavailable."""
+        if self._pump is not None:
+            await asyncio.shield(self._pump)
+
+    def require_running(self) -> None:
+        """Raise Unavailable if nothing can be sent to anybody because the pump does not run."""
+        if not self.running:
+            raise Unavailable(f"nothing can be sent: {self._why_ended()}")
+
     @property
     def vehicles(self) -> Mapping[int, Vehicle]:
         """The fleet by system id. Give orders through the link: it knows the time and wakes the pump."""
@@ -154,7 +176,14 @@ class Link:
         if self._router.heartbeat.withheld:
             down.append("heartbeat withheld: the mission does not move")
         down += {each.problem for each in self._signing.values() if each.problem is not None}
+        if self._clock is not None:
+            down += self._faults.problems(self.now()) + self._router.faults.problems(self.now())
         return tuple(down)
+
+    @property
+    def faults(self) -> dict[str, int]:
+        """Faults of our own that no vehicle is to be blamed for, by where they happened."""
+        return dict(self._faults.counts + self._router.faults.counts)
 
     @property
     def dropped_datagrams(self) -> int:
@@ -179,7 +208,7 @@ class Link:
 
     def listen(self, system: int, listener: Callable[[bytes], None]) -> None:
         """Show what we believe of a vehicle to somebody else as well, until ``unlisten``. Raises BadInput."""
-        self._vehicle(system)
+        self._check(system)
         self._listeners[system].append(listener)
 
     def unlisten(self, system: int, listener: Callable[[bytes], None]) -> None:
@@ -192,10 +221,9 @@ class Link:
 
         Commands that do not pass are denied before this returns, to all who ``listen``.
         """
-        self._vehicle(system)
+        self._check(system)
         for answer in self._router.forward(system, data):
-            for listener in self._listeners[system]:
-                listener(answer)
+            self._show(system, answer)
         self._stir.set()
 
     def keep_alive(self) -> None:
@@ -238,9 +266,14 @@ class Link:
         self._vehicle(system).leave_alone(self.now())
 
     def _vehicle(self, system: int) -> Vehicle:
+        """Return a vehicle that is about to be ordered something. Raises BadInput, and Unavailable without a pump."""
+        self._check(system)
+        self.require_running()
+        return self._router.touch(system)
+
+    def _check(self, system: int) -> None:
         if system not in self._router.vehicles:
             raise BadInput("system", f"{system} is not in the fleet {sorted(self._router.vehicles)}")
-        return self._router.touch(system)
 
     def _bytes_handler(self, number: int) -> Callable[[bytes, Address], None]:
         def on_bytes(data: bytes, address: Address) -> None:
@@ -251,6 +284,22 @@ class Link:
             self._stir.set()
 
         return on_bytes
+
+    async def _keep_running(self) -> None:
+        """Run the pump, and again at once if it fails. Raises Unavailable if it fails again and again."""
+        failed_s: deque[float] = deque(maxlen=_MOST_RESTARTS)
+        while True:
+            try:
+                await self._run()
+            except Exception as error:
+                now = self.now()
+                self._faults.note("the pump", error, now)
+                if len(failed_s) == _MOST_RESTARTS and now - failed_s[0] <= _RESTARTS_WITHIN_S:
+                    raise Unavailable(
+                        f"the link has ended, its pump fails again and again: {describe(error)}"
+                    ) from error
+                failed_s.append(now)
+                log.exception("the link's pump has failed; it is started again")
 
     async def _run(self) -> None:
         loop = asyncio.get_running_loop()
@@ -270,18 +319,58 @@ class Link:
         while self._waiting:
             data, peer = self._waiting.popleft()
             for frame in self._router.receive(data, peer, self.now()):
-                if self._on_frame is not None:
-                    self._on_frame(frame.raw)
+                self._record(frame.raw)
                 if frame.system in self._listeners and peer == self._router.peer_of(frame.system):
-                    for listener in self._listeners[frame.system]:
-                        listener(frame.raw)
+                    self._show(frame.system, frame.raw)
         self._router.advance(self.now())
         for peer, raw in self._router.take_outgoing():
-            self._transports[peer.transport].send(raw, (peer.host, peer.port))
-            if self._on_frame is not None:
-                self._on_frame(raw)
+            self._send(raw, peer)
+            self._record(raw)
         for event in self._router.take_events():
+            self._tell(event)
+
+    def _send(self, raw: bytes, peer: Peer) -> None:
+        for _ in range(2):  # a heartbeat is not to be missed for a fault that has passed
+            try:
+                self._transports[peer.transport].send(raw, (peer.host, peer.port))
+            except Exception as error:
+                self._note(f"sending to {peer.address}", error)
+            else:
+                return
+
+    def _record(self, raw: bytes) -> None:
+        if self._on_frame is None:
+            return
+        try:
+            self._on_frame(raw)
+        except Exception as error:
+            self._note("the recording", error)
+
+    def _show(self, system: int, raw: bytes) -> None:
+        for listener in tuple(self._listeners[system]):
+            try:
+                listener(raw)
+            except Exception as error:
+                self._note(f"what listens to system {system}", error)
+
+    def _tell(self, event: Event) -> None:
+        if isinstance(event, VehicleFault):
+            trace = self._router.vehicles[event.system].trace
+            at = "" if event.frame is None else f" at the frame {event.frame}"
+            log.error("system %d: %s failed%s: %s\n%s", event.system, event.where, at, event.problem, trace)
+        try:
             self._on_event(event)
+        except Exception as error:
+            self._note("telling an event", error)
+
+    def _note(self, where: str, error: Exception) -> None:
+        if self._faults.note(where, error, self.now()):
+            log.error("%s failed: %s\n%s", where, describe(error), trace_of(error))
+
+    def _why_ended(self) -> str:
+        pump = self._pump
+        error = pump.exception() if pump is not None and pump.done() and not pump.cancelled() else None
+        return "the link is not open" if error is None else str(error)
 
     async def _close_transports(self) -> None:
         for transport in self._transports:

@@ -9,6 +9,9 @@ that its first heartbeat came from, and stays so, whether its link is lost or no
 
 A signed heartbeat from another address registers it when the link is lost: the key says more than an address does.
 
+A fault of ours costs the frame it came from, and the vehicle its order (``Vehicle.mend``); one that belongs to no
+vehicle is noted in ``faults``. Only a heartbeat of ours that cannot be made is raised: nothing flies on without it.
+
 Without I/O, like the machines below it: a recording can be played through it with any clock.
 """
 
@@ -23,6 +26,7 @@ from hsop_gcs.link.codec import Decoder, DecoderCounters, Encoder, Frame, is_sig
 from hsop_gcs.link.endpoint import Peer
 from hsop_gcs.link.enums import MavResult
 from hsop_gcs.link.events import AddressRefused, AddressRegistered, Event
+from hsop_gcs.link.faults import Faults
 from hsop_gcs.link.identity import GROUND_STATION, Identity
 from hsop_gcs.link.messages import Message
 from hsop_gcs.link.passing import denial, withheld
@@ -35,6 +39,8 @@ _MOST_PEERS = 256
 _MOST_STRANGERS = 64
 _MOST_GREETED = 16
 _GREETED_FOR_S = 3.0
+_LOOKED_AT_AGAIN_S = 0.5
+"""After a vehicle could not even say when it has something to do."""
 
 
 class Router:
@@ -61,6 +67,8 @@ class Router:
         self._signing = signing or {}
         self.vehicles = {system: Vehicle(system, own=own, limits=limits) for system in systems}
         self.heartbeat = OwnHeartbeat(watchdog_s=watchdog_s)
+        self.faults = Faults()
+        """Those that no vehicle is to be blamed for."""
         self._always: list[Peer] = []
         self._greeted_until_s: dict[Peer, float] = {}
         self._decoders: dict[Peer, Decoder] = {}
@@ -78,6 +86,8 @@ class Router:
         self._strangers: dict[tuple[int, int], Stranger] = {}
         self._forgotten = DecoderCounters()
         self._signature_refused: Counter[str] = Counter()
+        self._now = 0.0
+        """When the machines were last advanced."""
         self._sent = self._lost = self._not_in_fleet = self._turned_away = 0
 
     def greet(self, peer: Peer) -> None:
@@ -96,19 +106,44 @@ class Router:
         if stream and not data:
             decoder.forget_partial()
             self._forget_sequences(peer)
-        found = decoder.feed_stream(data) if stream else decoder.feed_datagram(data)
-        frames = [frame for frame in found if self._believes(frame, peer, now)]
-        for frame in frames:
-            # Somebody else under the same ids has sequence numbers of his own.
-            speaker = self.vehicles.get(frame.system)
-            foreign = speaker is not None and speaker.is_foreign(frame.message, frame.component)
-            lost = 0 if foreign else self._missing_before(frame, peer)
-            self._lost += lost
-            if frame.system in self.vehicles:
-                self._deliver(frame, peer, lost, now)
-            else:
-                self._note_stranger(frame, peer, now)
+        try:
+            found = decoder.feed_stream(data) if stream else decoder.feed_datagram(data)
+        except Exception as error:
+            self.faults.note("the decoder", error, now)
+            self._forget_decoder(peer)
+            return []
+        frames = []
+        for frame in found:
+            try:
+                if not self._believes(frame, peer, now):
+                    continue
+                frames.append(frame)
+                self._route(frame, peer, now)
+            except Exception as error:
+                self._blame(frame.system, error, now, frame=frame.raw)
         return frames
+
+    def _route(self, frame: Frame, peer: Peer, now: float) -> None:
+        # Somebody else under the same ids has sequence numbers of his own.
+        speaker = self.vehicles.get(frame.system)
+        foreign = speaker is not None and speaker.is_foreign(frame.message, frame.component)
+        lost = 0 if foreign else self._missing_before(frame, peer)
+        self._lost += lost
+        if frame.system in self.vehicles:
+            self._deliver(frame, peer, lost, now)
+        else:
+            self._note_stranger(frame, peer, now)
+
+    def _blame(self, system: int, error: Exception, now: float, *, frame: bytes | None = None) -> None:
+        """Note a fault of ours, which the vehicle it happened with recovers from as from one of its machines'."""
+        if system not in self.vehicles:
+            self.faults.note("the router", error, now)
+            return
+        self.touch(system)
+        try:
+            self.vehicles[system].mend(error, now, works="vehicle", frame=frame)
+        except Exception as beyond_mending:
+            self.faults.note(f"the link to system {system}", beyond_mending, now)
 
     def touch(self, system: int) -> Vehicle:
         """Return a vehicle that is about to be given an order; what it makes of it is sent in the next turn."""
@@ -126,17 +161,24 @@ class Router:
         """Let every machine do what is due."""
         self.heartbeat.advance(now)
         self._greeted_until_s = {peer: until_s for peer, until_s in self._greeted_until_s.items() if now < until_s}
+        self._now = now
         self._reschedule()
+        due = []
         while self._agenda and self._agenda[0][0] <= now:
             at, system = heapq.heappop(self._agenda)
             if at == self._wakes[system]:
-                self._advance(system, now)
-                self._reschedule()
+                due.append(system)
+        # Once each: one that is always due shall not keep the others, nor our heartbeat.
+        for system in dict.fromkeys(due):
+            self._advance(system, now)
 
     def _advance(self, system: int, now: float) -> None:
         self._wakes[system] = math.inf
-        self.vehicles[system].advance(now)
-        self._moved[system] = self._to_send[system] = self._to_tell[system] = None
+        self.touch(system)
+        try:
+            self.vehicles[system].advance(now)
+        except Exception as error:
+            self._blame(system, error, now)
 
     def _reschedule(self) -> None:
         """Put the vehicles that have moved on into the agenda.
@@ -146,7 +188,11 @@ class Router:
         """
         moved, self._moved = self._moved, {}
         for system in moved:
-            wake_at = self.vehicles[system].wake_at
+            try:
+                wake_at = self.vehicles[system].wake_at
+            except Exception as error:
+                self._blame(system, error, self._now)
+                wake_at = self._now + _LOOKED_AT_AGAIN_S
             if wake_at is not None and wake_at < self._wakes[system]:
                 self._wakes[system] = wake_at
                 heapq.heappush(self._agenda, (wake_at, system))
@@ -157,21 +203,52 @@ class Router:
         for message in self.heartbeat.take_outgoing():
             bound = [account.peer for account in self._accounts.values() if account.peer is not None]
             peers = dict.fromkeys([*self._always, *bound, *self._greeted_until_s])
-            outgoing += [(peer, self._encode(message, peer)) for peer in peers]
+            beats = [(peer, raw) for peer in peers if (raw := self._heartbeat_for(peer, message)) is not None]
+            if peers and not beats:
+                raise RuntimeError("our heartbeat can be encoded for nobody")
+            outgoing += beats
         to_send, self._to_send = self._to_send, {}
         for system in to_send:
-            peer = self._accounts[system].peer
-            messages = self.vehicles[system].take_outgoing()
-            if peer is not None:
-                outgoing += [(peer, self._encode(message, peer)) for message in messages]
+            outgoing += self._outgoing_of(system)
         self._sent += len(outgoing)
+        return outgoing
+
+    def _heartbeat_for(self, peer: Peer, message: Message) -> bytes | None:
+        for _ in range(2):
+            try:
+                return self._encode(message, peer)
+            except Exception as error:
+                self.faults.note(f"our heartbeat to {peer.address}", error, self._now)
+                self._encoders.pop(peer, None)  # a fresh one may do it
+        return None
+
+    def _outgoing_of(self, system: int) -> list[tuple[Peer, bytes]]:
+        """What one vehicle is sent. A message that cannot be encoded costs itself and the vehicle's order."""
+        outgoing: list[tuple[Peer, bytes]] = []
+        peer = self._accounts[system].peer
+        try:
+            messages = self.vehicles[system].take_outgoing()
+        except Exception as error:
+            self._blame(system, error, self._now)
+            return outgoing
+        for message in messages:
+            try:
+                if peer is not None:
+                    outgoing.append((peer, self._encode(message, peer)))
+            except Exception as error:
+                self._blame(system, error, self._now)
         return outgoing
 
     def take_events(self) -> list[Event]:
         """Return what happened, once."""
         events, self._events = self._events, []
         to_tell, self._to_tell = self._to_tell, {}
-        return events + [event for system in to_tell for event in self.vehicles[system].take_events()]
+        for system in to_tell:
+            try:
+                events += self.vehicles[system].take_events()
+            except Exception as error:
+                self._blame(system, error, self._now)
+        return events
 
     def register(self, system: int, address: str) -> None:
         """Listen to a vehicle at another address from now on. Raises BadInput for one that does not claim to be it."""
@@ -197,15 +274,19 @@ class Router:
         """
         account = self._accounts[system]
         answers: list[bytes | None] = []
-        for frame in Decoder().feed_datagram(data):
-            why_not = withheld(frame, system)
-            if account.peer is None or why_not is not None:
-                account.withheld[why_not or "vehicle not heard yet"] += 1
-                answers.append(denial(frame, system, MavResult.DENIED if why_not else MavResult.TEMPORARILY_REJECTED))
-                continue
-            signing = self._signing.get(account.peer.transport)
-            raw = frame.raw if signing is None else signing.sign(marked_signed(frame.raw))
-            self._forwarded.append((account.peer, raw))
+        try:
+            for frame in Decoder().feed_datagram(data):
+                why_not = withheld(frame, system)
+                if account.peer is None or why_not is not None:
+                    account.withheld[why_not or "vehicle not heard yet"] += 1
+                    result = MavResult.DENIED if why_not else MavResult.TEMPORARILY_REJECTED
+                    answers.append(denial(frame, system, result))
+                    continue
+                signing = self._signing.get(account.peer.transport)
+                raw = frame.raw if signing is None else signing.sign(marked_signed(frame.raw))
+                self._forwarded.append((account.peer, raw))
+        except Exception as error:
+            self.faults.note("what another program sent", error, self._now)
         return [answer for answer in answers if answer is not None]
 
     @property
@@ -223,6 +304,7 @@ class Router:
             refused=sum(account.refused for account in self._accounts.values()),
             signature_refused=dict(self._signature_refused),
             peers_turned_away=self._turned_away,
+            faults=self.faults.counts.total() + sum(vehicle.faults for vehicle in self.vehicles.values()),
         )
 
     @property
@@ -253,7 +335,16 @@ class Router:
             foreign_heartbeats=vehicle.foreign_heartbeats,
             not_taken=dict(vehicle.not_taken),
             other_autopilots=vehicle.other_autopilots(now),
+            faults=vehicle.faults,
         )
+
+    def _forget_decoder(self, peer: Peer) -> None:
+        """Begin anew with a peer's bytes; what was counted of them stays."""
+        counters = self._decoders.pop(peer).counters
+        self._forgotten.frames += counters.frames
+        self._forgotten.bad_frames += counters.bad_frames
+        self._forgotten.skipped_bytes += counters.skipped_bytes
+        self._forgotten.unknown += counters.unknown
 
     def _forget_a_peer(self) -> bool:
         """Make room by forgetting the oldest peer that is no vehicle's: a flood of addresses shall lock nobody out."""
@@ -261,11 +352,7 @@ class Router:
         peer = next((peer for peer in self._decoders if peer not in bound), None)
         if peer is None:
             return False
-        counters = self._decoders.pop(peer).counters
-        self._forgotten.frames += counters.frames
-        self._forgotten.bad_frames += counters.bad_frames
-        self._forgotten.skipped_bytes += counters.skipped_bytes
-        self._forgotten.unknown += counters.unknown
+        self._forget_decoder(peer)
         self._forget_sequences(peer)
         return True
 
@@ -300,7 +387,7 @@ class Router:
         account.take(lost, now)
         if frame.component == vehicle.state.component:
             account.timed.receive(frame.message, now)
-        vehicle.receive(frame.message, now, component=frame.component, sequence=frame.sequence)
+        vehicle.receive(frame.message, now, component=frame.component, sequence=frame.sequence, raw=frame.raw)
         self._moved[frame.system] = self._to_send[frame.system] = self._to_tell[frame.system] = None
 
     def _registers(self, frame: Frame, peer: Peer) -> bool:

@@ -13,13 +13,14 @@ import serial
 import serial_asyncio_fast
 
 from hsop_gcs.link.endpoint import Address, Endpoint
+from hsop_gcs.link.faults import describe
 
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.25, 8.0
 _CONNECT_WITHIN_S = 5.0
 _UNACKNOWLEDGED_FOR_MS = 10_000
 """A TCP connection whose other side has vanished is given up after this, instead of the kernel's quarter of an hour."""
 _READ_BYTES = 4096
-_MOST_UNSENT_BYTES = 4096
+MOST_UNSENT_BYTES = 4096
 """What a stalled line has not taken by then is dropped: an order that comes late is worse than none."""
 
 
@@ -54,7 +55,7 @@ class StreamTransport:
         """Send one frame; a line that is down or full is counted, not raised."""
         del to
         writer = self._writer
-        if writer is None or writer.is_closing() or writer.transport.get_write_buffer_size() > _MOST_UNSENT_BYTES:
+        if writer is None or writer.is_closing() or writer.transport.get_write_buffer_size() > MOST_UNSENT_BYTES:
             self.errors += 1
         else:
             writer.write(data)
@@ -74,6 +75,8 @@ class StreamTransport:
                     reader, writer = await self._connect()
             except (OSError, TimeoutError) as error:
                 self.problem = f"cannot connect: {_why(error)}"
+            except Exception as error:  # whatever it is, the line is tried again
+                self.problem = f"cannot connect: {describe(error)}"
             else:
                 heard, why = await self._read(reader, writer)
                 self.problem = f"connection lost: {why}"
@@ -101,6 +104,8 @@ class StreamTransport:
                 self._on_bytes(data, self._address)
         except OSError as error:
             why = _why(error)
+        except Exception as error:
+            why = describe(error)
         finally:
             self._writer = None
             writer.close()

@@ -6,7 +6,9 @@ from typing import Protocol
 
 from hsop_gcs.errors import Unavailable
 from hsop_gcs.link.endpoint import Address, Endpoint
-from hsop_gcs.link.streams import StreamTransport
+from hsop_gcs.link.streams import MOST_UNSENT_BYTES, StreamTransport
+
+_OPENED_AGAIN_S = 0.5
 
 OnBytes = Callable[[bytes, Address], None]
 """Given what arrived and from where; empty bytes say that a stream has ended."""
@@ -47,32 +49,24 @@ def transport_for(endpoint: Endpoint, on_bytes: OnBytes) -> Transport:
 
 
 class UdpTransport(asyncio.DatagramProtocol):
-    """One open UDP socket; what arrives is handed to ``on_bytes`` with its address."""
+    """One open UDP socket; what arrives is handed to ``on_bytes`` with its address. One that dies is opened again."""
 
     def __init__(self, endpoint: Endpoint, on_bytes: OnBytes) -> None:
         self.endpoint = endpoint
         self.errors = 0
         """Datagrams the network refused, most often because nobody listens on the other side yet."""
+        self.problem: str | None = None
         self._on_bytes = on_bytes
         self._transport: asyncio.DatagramTransport | None = None
+        self._addresses: dict[str, Address] = {}
         self._closed = asyncio.Event()
+        self._keeper: asyncio.Task[None] | None = None
+        self._wanted = False
 
     async def open(self) -> None:
         """Open the socket. Raises Unavailable saying which endpoint and why."""
-        loop = asyncio.get_running_loop()
-        address = (self.endpoint.host, self.endpoint.port)
-        try:
-            if self.endpoint.kind == "udpin":
-                self._transport, _ = await loop.create_datagram_endpoint(lambda: self, local_addr=address)
-            else:
-                self._transport, _ = await loop.create_datagram_endpoint(lambda: self, remote_addr=address)
-        except OSError as error:
-            raise Unavailable(f"{self.endpoint} cannot be opened: {error.strerror or error}") from error
-
-    @property
-    def problem(self) -> str | None:
-        """A socket that is open can carry."""
-        return None
+        await self._open((self.endpoint.host, self.endpoint.port))
+        self._wanted = True
 
     @property
     def local(self) -> Address:
@@ -86,23 +80,32 @@ class UdpTransport(asyncio.DatagramProtocol):
 
     def send(self, data: bytes, to: Address) -> None:
         """Send one datagram; a full or refusing network is counted, not raised."""
-        if self._transport is None or self._transport.is_closing():
+        transport = self._transport
+        # asyncio keeps what the network does not take for ever: an order that comes late is worse than none
+        if transport is None or transport.is_closing() or _unsent_bytes(transport) > MOST_UNSENT_BYTES:
             self.errors += 1
         elif self.endpoint.kind == "udpout":
-            self._transport.sendto(data)
+            transport.sendto(data)
         else:
-            self._transport.sendto(data, to)
+            transport.sendto(data, to)
 
     async def close(self) -> None:
         """Close the socket; its port is free when this returns."""
+        self._wanted = False
+        keeper, self._keeper = self._keeper, None
+        if keeper is not None:
+            keeper.cancel()
+            await asyncio.gather(keeper, return_exceptions=True)
         if self._transport is not None:
             self._transport.close()
             await self._closed.wait()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Called by asyncio."""
-        del exc
+        """Called by asyncio: we closed it, or a fault of the system did."""
         self._closed.set()
+        if self._wanted:
+            self.problem = f"its socket has died: {exc or 'nobody knows why'}"
+            self._keeper = asyncio.get_running_loop().create_task(self._open_again(), name=str(self.endpoint))
 
     def datagram_received(self, data: bytes, addr: tuple[str, int] | tuple[str, int, int, int]) -> None:
         """Called by asyncio."""
@@ -113,8 +116,37 @@ class UdpTransport(asyncio.DatagramProtocol):
         del exc
         self.errors += 1
 
+    async def _open(self, address: Address) -> None:
+        loop = asyncio.get_running_loop()
+        try:
+            if self.endpoint.kind == "udpin":
+                transport, _ = await loop.create_datagram_endpoint(lambda: self, local_addr=address)
+            else:
+                transport, _ = await loop.create_datagram_endpoint(lambda: self, remote_addr=address)
+        except OSError as error:
+            raise Unavailable(f"{self.endpoint} cannot be opened: {error.strerror or error}") from error
+        self._closed.clear()
+        self._transport, self.problem = transport, None
+        for name in ("sockname", "peername"):
+            host, port, *_ = transport.get_extra_info(name) or ("", 0)
+            self._addresses[name] = (host, port)
+
+    async def _open_again(self) -> None:
+        """Where vehicles know us: a port that the system chose stays."""
+        address = self._addresses["sockname" if self.endpoint.kind == "udpin" else "peername"]
+        while self.problem is not None:
+            await asyncio.sleep(_OPENED_AGAIN_S)
+            try:
+                await self._open(address)
+            except Unavailable as error:
+                self.problem = str(error)
+
     def _address(self, name: str) -> Address:
-        if self._transport is None:
+        if name not in self._addresses:
             raise RuntimeError(f"{self.endpoint} is not open")
-        host, port, *_ = self._transport.get_extra_info(name)
-        return host, port
+        return self._addresses[name]
+
+
+def _unsent_bytes(transport: asyncio.DatagramTransport) -> int:
+    unsent: int = transport.get_write_buffer_size()  # type: ignore[attr-defined]  # not in typeshed
+    return unsent

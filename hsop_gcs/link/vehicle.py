@@ -5,11 +5,17 @@ presence ─► telemetry ─► subscriptions
                 ├─► hover ────┐
                 ├─► gimbal ───┼─► commands ─► wire
                 └─► take off ─┘
+
+A machine that raises costs the vehicle its order and nobody else anything: ``mend`` puts fresh machines in the place of
+those that may be in a half state, keeps what is known of the vehicle, and has it wait until a frame goes through.
 """
 
 import math
 from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from hsop_gcs.errors import BadInput
 from hsop_gcs.geometry.frames import Aim
@@ -22,7 +28,10 @@ from hsop_gcs.link.events import (
     LinkLost,
     LinkUp,
     OnStation,
+    OrderFailed,
+    VehicleFault,
 )
+from hsop_gcs.link.faults import Illness, describe, trace_of
 from hsop_gcs.link.identity import GROUND_STATION, Identity
 from hsop_gcs.link.messages import CommandLong, Message
 from hsop_gcs.link.protocol.command import INSISTENT, CommandLimits, CommandSender, Outcome, Request
@@ -38,6 +47,22 @@ from hsop_gcs.link.protocol.subscriptions import Subscriptions
 from hsop_gcs.link.protocol.take_off import TakeOff, set_mode
 from hsop_gcs.link.protocol.telemetry import Telemetry, VehicleState
 
+_MACHINES = (
+    "presence",
+    "telemetry",
+    "commands",
+    "subscriptions",
+    "hover",
+    "gimbal",
+    "take_off",
+    "round_trip",
+    "failsafes",
+)
+"""In the order in which they do what is due."""
+_EVEN_ILL = ("presence", "telemetry", "commands")
+"""Those of them that a vehicle keeps while it is not trusted with orders; the others wait."""
+_ORDER_KEYS = ("hover", "take off", "gimbal aim")
+"""What the commands of orders are submitted under."""
 _OPERATOR_DEADLINE_S = 5.0
 """An operator's hold or return that cannot be sent for so long is not sent later by surprise."""
 
@@ -71,21 +96,28 @@ class Vehicle:
     """One vehicle by its MAVLink system id. Without I/O; frames of this id go in, messages to it come out."""
 
     def __init__(self, system: int, *, own: Identity = GROUND_STATION, limits: VehicleLimits | None = None) -> None:
-        limits = limits or VehicleLimits()
         self.system = system
+        self._own = own
+        self._limits = limits or VehicleLimits()
         self._one_aircraft = OneAircraft(system)
-        self._presence = Presence(system, lost_after_s=limits.lost_after_s)
+        self._presence = Presence(system, lost_after_s=self._limits.lost_after_s)
         self._telemetry = Telemetry(system)
-        self._commands = CommandSender(own=own, limits=limits.commands)
-        self._subscriptions = Subscriptions(system, self._commands)
-        self._hover = Hover(self._telemetry, self._commands, limits=limits.hover)
-        self._gimbal = Gimbal(self._telemetry, self._commands, own=own, tolerances=limits.gimbal)
-        self._take_off = TakeOff(self._telemetry, self._commands)
+        self._begin_commands()
+        self._gimbal = Gimbal(self._telemetry, self._commands, own=own, tolerances=self._limits.gimbal)
+        self._begin_orders()
         self._round_trip = RoundTrip()
         self._failsafes = Failsafes(self._telemetry)
-        self._operator: dict[int, str] = {}
         self._on_station = False
         self._events: list[Event] = []
+        self._at_once: list[Message] = []
+        """What is sent past the machine that should send it, because that one failed."""
+        self._illness = Illness()
+        self._works = "vehicle"
+        """Which machine is at work, to be named if it fails."""
+        self._failed: tuple[str, Exception] | None = None
+        """What failed while it was only asked, to be mended when there is a time."""
+        self.trace: str | None = None
+        """Where the fault that was told last came from, for a log."""
         self.foreign_heartbeats = 0
         """Heartbeats under the autopilot's ids that are not the autopilot's."""
         self._speaker = Speaker()
@@ -105,7 +137,11 @@ class Vehicle:
     @property
     def progress(self) -> Progress | None:
         """How the current hover order stands; None without one."""
-        order, error = self._hover.order, self._hover.error()
+        try:
+            order, error = self._hover.order, self._hover.error()
+        except Exception as fault:
+            self._failed = ("hover", fault)
+            return None
         if order is None or error is None:
             return None
         return Progress(
@@ -138,6 +174,11 @@ class Vehicle:
         return self._failsafes.problems
 
     @property
+    def faults(self) -> int:
+        """How often one of its machines has failed."""
+        return self._illness.faults
+
+    @property
     def command_noise(self) -> int:
         """Acknowledgements that no command was waiting for."""
         return self._commands.noise
@@ -162,22 +203,31 @@ class Vehicle:
         Ends in ``Arrived`` (and ``OnStation``) or ``OrderFailed``. Raises BadInput for numbers that mean no place.
         """
         _check(order)
-        self._set_aside(now)
-        self._hover.start(order, now)
-        if order.aim is not None and self._hover.order is order:
-            self._gimbal.start(order.aim, order_id=order.order_id, heading_deg=order.heading_deg, now=now)
-        self._collect(now)
+
+        def begin() -> None:
+            self._works = "hover"
+            self._hover.start(order, now)
+            if order.aim is not None and self._hover.order is order:
+                self._works = "gimbal"
+                self._gimbal.start(order.aim, order_id=order.order_id, heading_deg=order.heading_deg, now=now)
+
+        self._order(order.order_id, begin, now)
 
     def follow(self, aim: Aim, now: float) -> None:
         """Move the camera's aim of the present hover order along; at most five times a second it is sent."""
-        self._gimbal.follow(aim, now)
-        self._collect(now)
+        with self._mending(now):
+            self._works = "gimbal"
+            self._gimbal.follow(aim, now)
+            self._collect(now)
 
     def take_off(self, altitude_above_home_m: float, now: float, *, order_id: str = "take off") -> None:
         """Arm and climb to an altitude above home. Ends in ``TookOff`` or ``OrderFailed``."""
-        self._set_aside(now)
-        self._take_off.start(altitude_above_home_m, order_id=order_id, now=now)
-        self._collect(now)
+
+        def begin() -> None:
+            self._works = "take_off"
+            self._take_off.start(altitude_above_home_m, order_id=order_id, now=now)
+
+        self._order(order_id, begin, now)
 
     def hold(self, now: float) -> None:
         """Stop where it is. Ends in ``CommandFinished``; the hover order, if any, is superseded."""
@@ -195,23 +245,35 @@ class Vehicle:
 
     def leave_alone(self, now: float) -> None:
         """Send nothing again of what it was ordered: somebody else flies it."""
-        self._set_aside(now)
+        with self._mending(now):
+            self._set_aside(now)
 
     @property
     def wake_at(self) -> float | None:
         """When ``advance`` has something to do; None while only a message can change anything."""
-        machines = (
-            self._presence,
-            self._telemetry,
-            self._commands,
-            self._subscriptions,
-            self._hover,
-            self._gimbal,
-            self._take_off,
-            self._round_trip,
-            self._failsafes,
-        )
-        return min((at for at in (machine.wake_at for machine in machines) if at is not None), default=None)
+        if self._illness.newest is not None:
+            return _earliest(*(self._wake_at_of(name) for name in _EVEN_ILL))
+        try:
+            return _earliest(
+                self._presence.wake_at,
+                self._telemetry.wake_at,
+                self._commands.wake_at,
+                self._subscriptions.wake_at,
+                self._hover.wake_at,
+                self._gimbal.wake_at,
+                self._take_off.wake_at,
+                self._round_trip.wake_at,
+                self._failsafes.wake_at,
+            )
+        except Exception:
+            return _earliest(*(self._wake_at_of(name) for name in _MACHINES))
+
+    def _wake_at_of(self, name: str) -> float | None:
+        try:
+            return self._machine(name).wake_at
+        except Exception as error:
+            self._failed = (name, error)
+            return None
 
     def receive(
         self,
@@ -220,29 +282,52 @@ class Vehicle:
         *,
         component: int = MavComponent.AUTOPILOT1,
         sequence: int | None = None,
+        raw: bytes | None = None,
     ) -> None:
         """Take a message that this vehicle's ``component`` sent; a heartbeat that is not the autopilot's is counted.
 
-        sequence: of the frame that it came in.
+        sequence: of the frame that it came in. raw: that frame, to be told if it cannot be taken.
         """
+        with self._mending(now):
+            self._raise_what_failed()
+        try:
+            self._take(message, now, component, sequence)
+        except Exception as error:
+            self.mend(error, now, frame=raw)
+            return
+        if self._illness.newest is not None:
+            self._recover(now)
+
+    def _take(self, message: Message, now: float, component: int, sequence: int | None) -> None:
+        self._works = "speaker"
         if self._speaker.receive(message, now, component=component):
             self._autopilot_changed(now)
         if not self._is_taken(message, component):
             return
         if component == self.state.component:
+            self._works = "presence"
             self._presence.receive(message, now)
+            self._works = "one_aircraft"
             self._one_aircraft.receive(message, now, sequence=sequence)
+        self._works = "telemetry"
         self._telemetry.receive(message, now, component=component)
         self._note_presence(now)
         self._note_identity(now)
+        self._works = "commands"
         self._commands.receive(message, now, component=component)
+        self._works = "gimbal"
         self._gimbal.receive(message, now, component=component)
-        self._subscriptions.lead(self._gimbal.device, now)
         if component == self.state.component:
+            self._works = "hover"
             self._hover.receive(message, now)
+            self._works = "take_off"
             self._take_off.receive(message, now)
+            self._works = "round_trip"
             self._round_trip.receive(message, now)
+            self._works = "failsafes"
             self._failsafes.receive(message, now)
+        self._works = "subscriptions"
+        self._subscriptions.lead(self._gimbal.device, now)
         self._subscriptions.receive(message, now, component=component)
         self._collect(now)
 
@@ -274,6 +359,7 @@ class Vehicle:
 
     def _note_identity(self, now: float) -> None:
         """Give up what was ordered of an autopilot that restarted, or of one that is two."""
+        self._works = "one_aircraft"
         self._telemetry.note_conflict(self._one_aircraft.problem(now))
         for event in self._one_aircraft.take_events():
             self._events.append(event)
@@ -288,30 +374,148 @@ class Vehicle:
 
     def _ask_anew(self, now: float) -> None:
         """Ask for all that a new autopilot, or one that restarted, does not know that it was asked for."""
+        self._works = "subscriptions"
         self._subscriptions.link_up(now, autopilot=self.state.component)
+        self._works = "gimbal"
         self._gimbal.link_up(now)
+        self._works = "round_trip"
         self._round_trip.link_up(now)
+        self._works = "failsafes"
         self._failsafes.link_up(now)
 
     def advance(self, now: float) -> None:
-        """Do what is due."""
-        self._presence.advance(now)
-        self._note_presence(now)
-        self._telemetry.advance(now)
-        self._commands.advance(now)
-        self._settle(now)
-        self._subscriptions.advance(now)
-        self._hover.advance(now)
-        self._gimbal.advance(now)
-        self._take_off.advance(now)
-        self._round_trip.advance(now)
-        self._failsafes.advance(now)
-        self._collect(now)
+        """Do what is due; what one machine fails at does not keep the others from it."""
+        for name in _MACHINES if self._illness.newest is None else _EVEN_ILL:
+            with self._mending(now):
+                self._raise_what_failed()
+                self._works = name
+                self._machine(name).advance(now)
+                if name == "presence":
+                    self._note_presence(now)
+                elif name == "commands":
+                    self._settle(now)
+        with self._mending(now):
+            self._collect(now)
 
     def take_outgoing(self) -> list[Message]:
         """Return what is to be sent to the vehicle, once."""
-        machines = (self._commands, self._hover, self._round_trip, self._failsafes)
-        return [message for machine in machines for message in machine.take_outgoing()]
+        outgoing, self._at_once = self._at_once, []
+        for name in ("commands", "hover", "round_trip", "failsafes"):
+            try:
+                outgoing += self._machine(name).take_outgoing()
+            except Exception as error:
+                self._failed = (name, error)
+        return outgoing
+
+    def mend(self, error: Exception, now: float, *, works: str | None = None, frame: bytes | None = None) -> None:
+        """Go on after a fault: give up what was ordered, and begin anew with machines that are in no half state.
+
+        works: what failed; None: the machine that was at work. frame: the raw frame at which it failed.
+        """
+        works, self._works = works or self._works, "vehicle"
+        problem = describe(error)
+        reason = f"the service failed at it ({works}): {problem}"
+        if self._illness.note(f"the service failed at its messages ({works}): {problem}", now):
+            self.trace = trace_of(error)
+            told = None if frame is None else frame.hex()
+            self._events.append(VehicleFault(system=self.system, where=works, problem=problem, frame=told))
+        for machine in (
+            self._telemetry,
+            self._take_off,
+            self._hover,
+            self._gimbal,
+            self._subscriptions,
+            self._failsafes,
+        ):
+            with suppress(Exception):
+                self._events += machine.take_events()
+        order_ids = (self._take_off.order_id, self._hover.order.order_id if self._hover.order is not None else None)
+        for order_id in order_ids:
+            if order_id is not None:
+                self._events.append(OrderFailed(system=self.system, order_id=order_id, reason=reason))
+        self._begin_anew(works, reason, now)
+        self._telemetry.state = self._telemetry.state.evolve(fault=self._illness.newest)
+
+    @contextmanager
+    def _mending(self, now: float) -> Iterator[None]:
+        try:
+            yield
+        except Exception as error:
+            self.mend(error, now)
+
+    def _begin_anew(self, works: str, reason: str, now: float) -> None:
+        """Put fresh machines in the place of the one that failed, those that rest on it, and those with orders."""
+        self._on_station = False
+        if works == "presence":
+            before, self._presence = self._presence, Presence(self.system, lost_after_s=self._limits.lost_after_s)
+            self._presence.up, self._presence.last_heard_s = before.up, before.last_heard_s
+        elif works == "round_trip":
+            self._round_trip = RoundTrip()
+        elif works == "subscriptions":
+            self._subscriptions = Subscriptions(self.system, self._commands)
+        elif works == "failsafes":
+            self._failsafes = Failsafes(self._telemetry)
+        elif works == "one_aircraft":
+            self._one_aircraft = OneAircraft(self.system)
+        elif works == "speaker":
+            self._speaker = Speaker(self.state.component)
+        with suppress(Exception):
+            for key in _ORDER_KEYS:
+                self._commands.withdraw(key, now)
+            if works not in ("commands", "telemetry", "gimbal", "vehicle"):
+                self._gimbal.stop(now)
+                self._begin_orders()
+                return
+        if works not in ("telemetry", "gimbal"):
+            for name in self._operator.values():
+                self._events.append(CommandFinished(system=self.system, command=name, problem=reason))
+            noise, resent = self._commands.noise, self._commands.resent
+            self._begin_commands()
+            self._commands.noise, self._commands.resent = noise, resent
+        telemetry, self._telemetry = self._telemetry, Telemetry(self.system)
+        self._telemetry.state, self._telemetry.adapter = telemetry.state, telemetry.adapter
+        self._failsafes = Failsafes(self._telemetry)
+        self._gimbal = Gimbal(self._telemetry, self._commands, own=self._own, tolerances=self._limits.gimbal)
+        self._begin_orders()
+
+    def _begin_commands(self) -> None:
+        self._commands = CommandSender(own=self._own, limits=self._limits.commands)
+        self._operator: dict[int, str] = {}
+        self._subscriptions = Subscriptions(self.system, self._commands)
+
+    def _begin_orders(self) -> None:
+        self._hover = Hover(self._telemetry, self._commands, limits=self._limits.hover)
+        self._take_off = TakeOff(self._telemetry, self._commands)
+
+    def _recover(self, now: float) -> None:
+        """Trust the machines again if it is time: they take up what a new link begins with."""
+        if not self._illness.recovers(now):
+            return
+        with self._mending(now):
+            self._telemetry.state = self._telemetry.state.evolve(fault=None)
+            if self._presence.up:
+                self._ask_anew(now)
+
+    def _machine(self, name: str) -> "_Machine":
+        machine: _Machine = getattr(self, f"_{name}")
+        return machine
+
+    def _raise_what_failed(self) -> None:
+        if self._failed is not None:
+            (self._works, error), self._failed = self._failed, None
+            raise error
+
+    def _order(self, order_id: str, begin: Callable[[], None], now: float) -> None:
+        """Begin an order; one that cannot be begun has failed."""
+        faults = self.faults
+        with self._mending(now):
+            self._set_aside(now)
+            begin()
+            self._collect(now)
+        told = any(isinstance(event, OrderFailed) and event.order_id == order_id for event in self._events)
+        if self.faults > faults and not told:
+            reason = self._illness.newest or "the service failed at it"
+            self._events.append(OrderFailed(system=self.system, order_id=order_id, reason=reason))
 
     def take_events(self) -> list[Event]:
         """Return what happened, once."""
@@ -319,14 +523,26 @@ class Vehicle:
         return events
 
     def _operate(self, name: str, message: CommandLong | None, now: float) -> None:
-        self._set_aside(now)
-        problem = "no link to the vehicle" if not self.state.link_up else why_not_stopped(self.state, now)
+        """Order what stops a flight. It is sent whatever fails meanwhile."""
+        with self._mending(now):  # after which nothing is left to be set aside
+            self._set_aside(now)
+        heard = self.state.link_up or self._illness.newest is not None
+        problem = why_not_stopped(self.state, now) if heard else "no link to the vehicle"
         if message is None or problem is not None:
             self._events.append(CommandFinished(system=self.system, command=name, problem=problem))
             return
         request = Request(message=message, key=name, tries=INSISTENT, deadline_s=now + _OPERATOR_DEADLINE_S)
-        self._operator[self._commands.submit(request, now)] = name
-        self._collect(now)
+        submitted = False
+        with self._mending(now):
+            self._works = "commands"
+            self._operator[self._commands.submit(request, now)] = name
+            submitted = True
+            self._at_once += self._commands.take_outgoing()  # before anything else can fail
+            self._collect(now)
+        if not submitted:
+            self._at_once.append(message)
+            problem = f"sent once, and no answer is waited for: {self._illness.newest}"
+            self._events.append(CommandFinished(system=self.system, command=name, problem=problem))
 
     def _set_aside(self, now: float) -> None:
         """Stop whatever order is under way, before the next one."""
@@ -338,6 +554,7 @@ class Vehicle:
         self._collect(now)
 
     def _note_presence(self, now: float) -> None:
+        self._works = "presence"
         self._telemetry.presence(up=self._presence.up, heard_s=self._presence.last_heard_s)
         for event in self._presence.take_events():
             self._events.append(event)
@@ -352,11 +569,16 @@ class Vehicle:
         # An outcome may make a machine submit again, and that may end at once: until nothing is left.
         while outcomes := self._commands.take_outcomes():
             for outcome in outcomes:
-                self._subscriptions.settle(outcome)
-                self._hover.settle(outcome, now)
-                self._gimbal.settle(outcome, now)
-                self._take_off.settle(outcome, now)
                 self._tell_operator(outcome)
+            for outcome in outcomes:
+                self._works = "subscriptions"
+                self._subscriptions.settle(outcome)
+                self._works = "hover"
+                self._hover.settle(outcome, now)
+                self._works = "gimbal"
+                self._gimbal.settle(outcome, now)
+                self._works = "take_off"
+                self._take_off.settle(outcome, now)
 
     def _tell_operator(self, outcome: Outcome) -> None:
         name = self._operator.pop(outcome.ticket, None)
@@ -365,7 +587,9 @@ class Vehicle:
             self._events.append(CommandFinished(system=self.system, command=name, problem=problem))
 
     def _collect(self, now: float) -> None:
+        self._works = "commands"
         self._settle(now)
+        self._works = "vehicle"
         telling = (self._telemetry, self._take_off, self._hover, self._gimbal, self._subscriptions, self._failsafes)
         for machine in telling:
             self._events += machine.take_events()
@@ -381,6 +605,21 @@ class Vehicle:
         if on_station and not self._on_station and order is not None:
             self._events.append(OnStation(system=self.system, order_id=order.order_id))
         self._on_station = on_station
+
+
+class _Machine(Protocol):
+    """What is asked of every machine at any time."""
+
+    @property
+    def wake_at(self) -> float | None: ...
+
+    def advance(self, now: float) -> None: ...
+
+    def take_outgoing(self) -> list[Message]: ...
+
+
+def _earliest(*times: float | None) -> float | None:
+    return min((at for at in times if at is not None), default=None)
 
 
 def _hold(state: VehicleState, adapter: Adapter) -> CommandLong:

@@ -9,7 +9,7 @@ import asyncio
 import contextlib
 import logging
 from collections import Counter, deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
@@ -125,6 +125,12 @@ class Mission:
         self.refusals = Refusals()
         self.solver_fault: str | None = None
         """What went wrong in the solver's process, if its last run did not end in an answer."""
+        self.fault: str | None = None
+        """What the supervision of what flies fails at now; our heartbeat is withheld meanwhile."""
+        self.events_failed = 0
+        """Events of hosts that the mission has failed at."""
+        self.planning_fault: str | None = None
+        """What keeps the mission from asking for a plan now, though it flies and supervises."""
         self.storage = Storage(journal, tlog, disk)
         self.tracker_ready = tracker_ready
         """Whether the tracker's kernels are loaded: before that reports are refused, they would stop the loop."""
@@ -240,6 +246,7 @@ class Mission:
         """Let the proposed plan fly. Raises NotKnown, or Refused if it is not the proposal any more or not safe now:
         then another one is made; Unavailable while a restart would not know of its flights.
         """
+        self.link.require_running()
         plans = self.state.plans
         plan = plans.proposed
         known = {each.id for each in (plan, plans.flying, plans.failed) if each is not None}
@@ -259,6 +266,7 @@ class Mission:
         Raises Refused, and nobody takes off, if one of them does not pass a gate; Unavailable while a restart would not
         know of it.
         """
+        self.link.require_running()
         hosts = self._hosts(host_ids)
         self._check_storage()
         check_take_off(hosts, altitude_m, self.state, self.sky, self.clock())
@@ -275,6 +283,7 @@ class Mission:
 
     def hold(self, host_ids: Iterable[str] | None = None) -> list[str]:
         """Stop hosts where they are; return their ids. From then on no plan flies without a person's approval."""
+        self.link.require_running()
         hosts = self._hosts(host_ids)
         self._commander.tell(hosts, Wish.HOLD)
         self._take(HostsHeld(time_s=self.clock(), hosts=tuple(host.id for host in hosts)))
@@ -282,6 +291,7 @@ class Mission:
 
     def recall(self, host_ids: Iterable[str] | None = None) -> list[str]:
         """Send hosts home; return their ids. They are planned without until released; nothing flies unapproved."""
+        self.link.require_running()
         hosts = self._hosts(host_ids)
         self._commander.tell(hosts, Wish.RECALL)
         self._take(HostsRecalled(time_s=self.clock(), hosts=tuple(host.id for host in hosts)))
@@ -293,6 +303,7 @@ class Mission:
 
     def release(self, host_ids: Iterable[str] | None = None) -> list[str]:
         """Give hosts back to the mission; return their ids. All of them: plans fly by its own autonomy again."""
+        self.link.require_running()
         hosts = tuple(host.id for host in self._hosts(host_ids))
         self._take(HostsReleased(time_s=self.clock(), hosts=hosts, everyone=host_ids is None))
         self._changed.set()
@@ -302,6 +313,11 @@ class Mission:
         """Listen to a host at another address from now on. Raises NotKnown; BadInput for one that was not heard."""
         (host,) = self._hosts([host_id])
         self.link.register(host.system_id, address)
+
+    @property
+    def pose_faults(self) -> Mapping[str, str]:
+        """Hosts whose telemetry makes no pose now, and why."""
+        return self._poses.faults
 
     @property
     def planner_ready(self) -> bool:
@@ -338,8 +354,7 @@ class Mission:
             tasks.create_task(self._watch_link())
             tasks.create_task(self._poses.watch())
             while True:
-                self._advance(tasks)
-                self.link.keep_alive()
+                self._round(tasks)
                 self._changed.clear()
                 await asyncio.sleep(_REST_S)
                 # not wait_for: of a timeout and a cancellation at once it keeps the timeout (before Python 3.12)
@@ -347,7 +362,30 @@ class Mission:
                     async with asyncio.timeout(_TICK_S - _REST_S):
                         await self._changed.wait()
 
-    def _advance(self, tasks: asyncio.TaskGroup) -> None:
+    def _round(self, tasks: asyncio.TaskGroup) -> None:
+        """Supervise and plan. What a round fails at is told, and tried again in the next.
+
+        Our heartbeat stands for the supervision of what flies, and stops with it; planning is not what it stands for.
+        """
+        try:
+            self._supervise()
+        except Exception as error:
+            if self.fault is None:
+                log.exception("the mission supervises nothing")
+            self.fault = f"{type(error).__name__}: {error}"
+        else:
+            self.fault = None
+            self.link.keep_alive()
+        try:
+            self._plan_if_due(tasks)
+        except Exception as error:
+            if self.planning_fault is None:
+                log.exception("the mission asks for no plans")
+            self.planning_fault = f"{type(error).__name__}: {error}"
+        else:
+            self.planning_fault = None
+
+    def _supervise(self) -> None:
         now_s = self._keep_time()
         for notice in self.storage.tend(self.state, now_s):
             self._log(None, notice)
@@ -356,6 +394,9 @@ class Mission:
         self._fly_unasked()
         self._direct_traffic(now_s)
         self._follow_threats(now_s)
+
+    def _plan_if_due(self, tasks: asyncio.TaskGroup) -> None:
+        now_s = self.clock()
         if self._solving is None and not self.awaited:
             tracks = ready(self.state.picture.tracks.values(), now_s, self.state.rules.replanning)
             unavailable = self.unavailable()
@@ -459,13 +500,20 @@ class Mission:
     async def _watch_link(self) -> None:
         while True:
             event = await self.link.events.get()
-            host = self.fleet.host_of_system(event.system)
-            progress = self.state.progress.get(host.id)
-            if isinstance(event, OrderFailed) and progress is not None and progress.leg_id == event.order_id:
-                self._stop(host)
-            self._log(host, event)
-            self._take(HostSpoke(time_s=self.clock(), host=host.id, event=event))
+            try:
+                self._hear(event)
+            except Exception:  # one event costs itself; what it told of is seen in the telemetry
+                log.exception("the mission failed at an event: %s", event)
+                self.events_failed += 1
             self._changed.set()
+
+    def _hear(self, event: Event) -> None:
+        host = self.fleet.host_of_system(event.system)
+        progress = self.state.progress.get(host.id)
+        if isinstance(event, OrderFailed) and progress is not None and progress.leg_id == event.order_id:
+            self._stop(host)
+        self._log(host, event)
+        self._take(HostSpoke(time_s=self.clock(), host=host.id, event=event))
 
     def _stop(self, host: Host) -> None:
         """Hold a host that may still fly to its point; one that somebody else flies is left to him."""

@@ -1,6 +1,7 @@
 """Where hosts were and how they were turned, of late: for what their cameras will say they saw then."""
 
 import asyncio
+import logging
 
 from hsop_gcs.detections import PoseHistory
 from hsop_gcs.fleet import Fleet
@@ -11,12 +12,16 @@ from hsop_gcs.mission.clock import MissionClock
 
 _STEP_S = 0.025
 
+log = logging.getLogger(__name__)
+
 
 class Poses:
     """The histories of a fleet's hosts, by id, on the mission's clock."""
 
     def __init__(self, fleet: Fleet, frame: LocalFrame, link: Link, clock: MissionClock) -> None:
         self.histories = {host.id: PoseHistory() for host in fleet.hosts}
+        self.faults: dict[str, str] = {}
+        """Hosts whose telemetry makes no pose now, and why."""
         self._fleet = fleet
         self._frame = frame
         self._link = link
@@ -30,8 +35,15 @@ class Poses:
             for host in self._fleet.hosts:
                 state, before = self._link.vehicles[host.system_id].state, seen.get(host.id)
                 history = self.histories[host.id]
-                self.histories[host.id] = with_telemetry(history, state, self._frame, ahead_s=ahead_s, before=before)
-                seen[host.id] = state
+                try:
+                    after = with_telemetry(history, state, self._frame, ahead_s=ahead_s, before=before)
+                except Exception as error:  # what one host says costs no other its poses
+                    if host.id not in self.faults:
+                        log.exception("host %s: its poses are not kept", host.id)
+                    self.faults[host.id] = f"{type(error).__name__}: {error}"
+                    continue
+                self.faults.pop(host.id, None)
+                self.histories[host.id], seen[host.id] = after, state
             await asyncio.sleep(_STEP_S)
 
 

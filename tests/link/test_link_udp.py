@@ -147,24 +147,6 @@ def test_one_endpoint_per_vehicle_works_like_a_shared_one() -> None:
     asyncio.run(scenario())
 
 
-def test_a_pump_that_fails_stops_our_heartbeat_and_tells_when_closed() -> None:
-    async def scenario() -> None:
-        def explode(event: Event) -> None:
-            raise RuntimeError(f"cannot take {event}")
-
-        radio = Radio(1)
-        link = Link(["udpin:127.0.0.1:0"], [1], on_event=explode)
-        await link.open()
-        await radio.open()
-        radio.beat(link.addresses[0])
-        await until(lambda: not link.running)
-        with pytest.raises(RuntimeError, match="cannot take LinkUp"):
-            await link.close()
-        radio.close()
-
-    asyncio.run(scenario())
-
-
 def test_every_frame_received_and_sent_is_shown_to_the_recorder() -> None:
     async def scenario() -> None:
         raws: list[bytes] = []

@@ -21,6 +21,10 @@ def alone(state: VehicleState, _now: float) -> str | None:
     return state.conflict
 
 
+def handled(state: VehicleState, _now: float) -> str | None:
+    return state.fault
+
+
 def spoken_to(state: VehicleState, _now: float) -> str | None:
     if state.autopilot in ("px4", "ardupilot"):
         return None
@@ -82,6 +86,7 @@ def home_known(state: VehicleState, _now: float) -> str | None:
 GATES: dict[str, Gate] = {
     "link": heard,
     "one aircraft": alone,
+    "fault": handled,
     "autopilot": spoken_to,
     "vehicle type": never_flown,
     "hovers": hovers,

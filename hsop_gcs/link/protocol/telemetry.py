@@ -102,6 +102,8 @@ class VehicleState:
     """Whether the autopilot's estimator stands by its absolute position and altitude."""
     conflict: str | None = None
     """What shows that two aircraft speak under its id, for a person."""
+    fault: str | None = None
+    """Why it cannot be trusted with an order though it is heard: a fault of the service's own."""
     texts: tuple[StatusLine, ...] = ()
     """The last few lines, newest last."""
 
