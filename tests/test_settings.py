@@ -254,6 +254,13 @@ def test_a_port_for_mavsdk_that_cannot_be_is_a_fault(tmp_path: Path, port: str, 
         read(tmp_path, f"{GOOD}mavsdk_port = {port}\n")
 
 
+def test_connections_that_cannot_all_be_open_are_a_fault_before_the_service_is_started(tmp_path: Path) -> None:
+    more = '[[hosts]]\nid = "h3"\nsystem_id = 3\nconnection = "udpin:0.0.0.0:{}"\n'
+    read(tmp_path, GOOD + more.format(14543))
+    with pytest.raises(BadInput, match=r"udpin:127\.0\.0\.1:14541 and udpin:0\.0\.0\.0:14541 cannot be open at a time"):
+        read(tmp_path, GOOD + more.format(14541))
+
+
 def key_file(path: Path, mode: int = 0o600) -> Path:
     path.write_text("ab" * 32)
     path.chmod(mode)

@@ -1,7 +1,7 @@
 """How a vehicle is reached, as written in a configuration.
 
 ``udpin:HOST:PORT`` listens and answers where it is spoken to from; ``udpout:HOST:PORT`` and ``tcp:HOST:PORT`` speak
-first; ``serial:DEVICE:BAUD`` is a telemetry radio or a cable.
+first; ``serial:DEVICE:BAUD`` is a telemetry radio or a cable. ``udpin://HOST:PORT``, as MAVSDK writes it, is the same.
 """
 
 from dataclasses import dataclass
@@ -15,6 +15,8 @@ Address = tuple[str, int]
 Kind = Literal["udpin", "udpout", "tcp", "serial"]
 _KINDS: dict[str, Kind] = {kind: kind for kind in get_args(Kind)}
 _FORMS = "udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:DEVICE:BAUD"
+_ANY_HOST = frozenset({"0.0.0.0", "::"})
+_LOCALHOST = {"localhost": "127.0.0.1"}
 _SLOWEST_BAUD, _FASTEST_BAUD = 1200, 4_000_000
 
 
@@ -35,6 +37,15 @@ class Endpoint:
 
     def __str__(self) -> str:
         return f"{self.kind}:{_address(self.host, self.port)}"
+
+    def excludes(self, other: "Endpoint") -> bool:
+        """Whether both cannot be open at a time: two names of one listening port, or one device at two baud rates."""
+        if self == other or self.kind != other.kind:
+            return False
+        if self.kind == "serial":
+            return self.host == other.host
+        hosts = {_LOCALHOST.get(host, host) for host in (self.host.lower(), other.host.lower())}
+        return self.kind == "udpin" and self.port == other.port != 0 and (len(hosts) == 1 or bool(hosts & _ANY_HOST))
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -58,6 +69,7 @@ def _address(host: str, port: int) -> str:
 def parse_endpoint(text: str) -> Endpoint:
     """Read an endpoint; port 0 of a udpin is any free one. Raises BadInput saying what is wrong with the text."""
     name, _, rest = text.partition(":")
+    rest = rest.removeprefix("//") if name != "serial" else rest
     host, _, number = rest.rpartition(":")
     kind = _KINDS.get(name)
     if kind is None or not host or " " in text or not text.isprintable():

@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Self
 
@@ -86,6 +87,13 @@ class Settings(Section):
         for host in self.hosts:
             if keys.setdefault(host.connection, host.key_file) != host.key_file:
                 raise ValueError(f"hosts: those behind {host.connection} must have the same key_file")
+        return self
+
+    @model_validator(mode="after")
+    def _connections_can_all_be_open(self) -> Self:
+        for one, other in combinations(dict.fromkeys(host.connection for host in self.hosts), 2):
+            if parse_endpoint(one).excludes(parse_endpoint(other)):
+                raise ValueError(f"hosts: {one} and {other} cannot be open at a time: write both the same way")
         return self
 
     @model_validator(mode="after")

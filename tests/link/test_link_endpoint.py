@@ -22,6 +22,11 @@ def test_an_endpoint_is_read_from_its_text_and_written_back(text: str, endpoint:
     assert str(endpoint) == text
 
 
+def test_the_form_that_mavsdk_has_is_the_same_endpoint() -> None:
+    assert parse_endpoint("udpin://127.0.0.1:14550") == parse_endpoint("udpin:127.0.0.1:14550")
+    assert str(parse_endpoint("tcp://127.0.0.1:5760")) == "tcp:127.0.0.1:5760"
+
+
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
@@ -49,3 +54,24 @@ def test_an_endpoint_that_is_none_is_refused_with_what_is_wrong(text: str, probl
         parse_endpoint(text)
     assert caught.value.field == "connection"
     assert problem in caught.value.problem
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "excludes"),
+    [
+        ("udpin:0.0.0.0:14550", "udpin:127.0.0.1:14550", True),
+        ("udpin:[::]:14550", "udpin:10.0.0.1:14550", True),
+        ("udpin:localhost:14550", "udpin:127.0.0.1:14550", True),
+        ("serial:/dev/ttyUSB0:57600", "serial:/dev/ttyUSB0:115200", True),
+        ("udpin://127.0.0.1:14550", "udpin:127.0.0.1:14550", False),
+        ("udpin:10.0.0.1:14550", "udpin:10.0.0.2:14550", False),
+        ("udpin:0.0.0.0:14550", "udpin:127.0.0.1:14551", False),
+        ("udpin:0.0.0.0:0", "udpin:127.0.0.1:0", False),
+        ("udpin:0.0.0.0:14550", "udpout:127.0.0.1:14550", False),
+        ("tcp:127.0.0.1:5760", "tcp:localhost:5760", False),
+        ("serial:/dev/ttyUSB0:57600", "serial:/dev/ttyUSB1:115200", False),
+    ],
+)
+def test_two_names_of_one_port_or_device_cannot_both_be_open(one: str, other: str, excludes: bool) -> None:
+    first, second = parse_endpoint(one), parse_endpoint(other)
+    assert first.excludes(second) is second.excludes(first) is excludes
