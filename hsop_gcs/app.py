@@ -115,9 +115,13 @@ async def _moving(mission: Mission) -> AsyncIterator[None]:
 
 
 def _written_to(settings: Settings) -> list[Path]:
-    """The folders that the service goes on writing to."""
+    """The folders that the service goes on writing to, one of each disk."""
     journal, tlog = settings.service.journal, settings.service.tlog
-    return [*([Path(journal).parent] if journal else []), *([Path(tlog)] if tlog else [])]
+    folders = [*([Path(journal).parent] if journal else []), *([Path(tlog)] if tlog else [])]
+    disks: dict[object, Path] = {}
+    for folder in folders:
+        disks.setdefault(folder.stat().st_dev if folder.is_dir() else folder, folder)
+    return list(disks.values())
 
 
 async def load_tracker(mission: Mission) -> None:

@@ -38,7 +38,7 @@ _SLOW_S = 1.0
 _CLOSING_S = 5.0
 _LOOK_S = 1.0
 """How often a journal that has nothing to write looks whether its file is still there."""
-SEGMENT_BYTES = 16_000_000
+SEGMENT_BYTES = 8_000_000
 """How much is written between two snapshots of a mission: seconds of work for the next start."""
 _SNAPSHOTS = 8
 """Between two snapshots so many times as much is written as a snapshot takes, however large it is."""
