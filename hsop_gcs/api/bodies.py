@@ -18,6 +18,7 @@ MAX_ITEM = 8192
 MAX_FIELDS = 16
 """Of one report or detection, or of an object in it."""
 _BREATH_S = 0.005
+_LONGEST_REST_S = 0.05
 _NEAR = 8
 """Characters: an error so near to where a text was cut comes from the cut."""
 _SPACE = re.compile(r"[ \t\n\r]*")
@@ -25,24 +26,46 @@ _DECODER = json.JSONDecoder()
 
 
 class Pace:
-    """Gives everything else its turn whenever work has gone on for a few milliseconds, and adds up how long it took."""
+    """Parts long work, so that everything else has its turn: after a few milliseconds there is as long a rest.
 
-    def __init__(self) -> None:
-        self._since_s = perf_counter()
-        self._began_s = thread_time()
+    Of all work that goes on for longer, one part is done at a time: ``turn`` is held from the first rest to the end.
+    Use as an async context manager.
+    """
+
+    def __init__(self, turn: asyncio.Lock) -> None:
+        self._turn = turn
+        self._holds = False
         self._worked_s = 0.0
+        self._began()
 
     @property
     def worked_s(self) -> float:
         """Processor time since the beginning, without that of the others."""
-        return self._worked_s + thread_time() - self._began_s
+        return self._worked_s + thread_time() - self._began_cpu_s
 
     async def breathe(self) -> None:
         """Let others go on, if it is time."""
-        if perf_counter() - self._since_s > _BREATH_S:
-            self._worked_s += thread_time() - self._began_s
-            await asyncio.sleep(0)
-            self._since_s, self._began_s = perf_counter(), thread_time()
+        took_s = perf_counter() - self._began_s
+        if took_s < _BREATH_S:
+            return
+        self._worked_s = self.worked_s
+        if self._holds:
+            self._turn.release()
+            self._holds = False
+        await self._turn.acquire()
+        self._holds = True
+        await asyncio.sleep(min(took_s, _LONGEST_REST_S))
+        self._began()
+
+    async def __aenter__(self) -> "Pace":
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        if self._holds:
+            self._turn.release()
+
+    def _began(self) -> None:
+        self._began_s, self._began_cpu_s = perf_counter(), thread_time()
 
 
 async def one_or_many(body: bytes, what: str, pace: Pace) -> list[Any]:

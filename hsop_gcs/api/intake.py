@@ -15,7 +15,7 @@ from hsop_gcs.tracks import Verdict
 
 _TOGETHER = 200
 """So many reports of one body are given to the tracker at a time; more would stop everything else for too long."""
-_PAIRS = 10_000
+_PAIRS = 5_000
 """The same for pairs of a report and a track: at worst each lies in the gate of each."""
 _FIELDS = field_paths(ReportIn)
 

@@ -17,8 +17,8 @@ _THREATS = TypeAdapter(list[ThreatOut])
 class PictureAsJson:
     """What ``GET /api/v1/threats`` answers."""
 
-    def __init__(self, mission: Mission) -> None:
-        self._mission = mission
+    def __init__(self, mission: Mission, turn: asyncio.Lock) -> None:
+        self._mission, self._turn = mission, turn
         self._newest: tuple[Picture, float, asyncio.Task[bytes]] | None = None
         """What was made last, of which picture and on which offset of the clock."""
 
@@ -30,10 +30,10 @@ class PictureAsJson:
         return await asyncio.shield(self._newest[2])
 
     async def _made(self, picture: Picture) -> bytes:
-        tracks, pace = list(picture.tracks.values()), Pace()
-        parts = []
-        for first in range(0, len(tracks), _AT_ONCE):
-            some = [threat_out(track, self._mission) for track in tracks[first : first + _AT_ONCE]]
-            parts.append(_THREATS.dump_json(some)[1:-1])
-            await pace.breathe()
+        tracks, parts = list(picture.tracks.values()), []
+        async with Pace(self._turn) as pace:
+            for first in range(0, len(tracks), _AT_ONCE):
+                some = [threat_out(track, self._mission) for track in tracks[first : first + _AT_ONCE]]
+                parts.append(_THREATS.dump_json(some)[1:-1])
+                await pace.breathe()
         return b"[" + b",".join(parts) + b"]"

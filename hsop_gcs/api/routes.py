@@ -2,8 +2,8 @@
 
 import asyncio
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from typing import Annotated, Any
 
 from fastapi import APIRouter, FastAPI, Path, Query, Request
@@ -79,7 +79,8 @@ def create_api(
 def _routes(mission: Mission, account: Account) -> APIRouter:
     router = APIRouter(prefix="/api/v1", route_class=BoundedRoute)
     started_at_s = mission.clock()
-    picture = PictureAsJson(mission)
+    turn = asyncio.Lock()
+    picture = PictureAsJson(mission, turn)
 
     @router.post(
         "/reports",
@@ -93,7 +94,7 @@ def _routes(mission: Mission, account: Account) -> APIRouter:
 
         200 if at least one was accepted, 422 if none was.
         """
-        with _charged(request) as pace:
+        async with _charged(request, turn) as pace:
             return _judged(await intake.take(await request.body(), mission, pace))
 
     @router.post(
@@ -108,7 +109,7 @@ def _routes(mission: Mission, account: Account) -> APIRouter:
 
         200 if at least one was accepted, 422 if none was.
         """
-        with _charged(request) as pace:
+        async with _charged(request, turn) as pace:
             body, refuse = await request.body(), mission.refuse_report
             return _judged(await detections.take(body, mission.fleet, mission.detect, refuse, pace))
 
@@ -191,14 +192,14 @@ def _one_or_many(model: str) -> dict[str, Any]:
     return {"requestBody": {"required": True, "content": {"application/json": {"schema": schema}}}}
 
 
-@contextmanager
-def _charged(request: Request) -> Iterator[Pace]:
-    """Work that is slowed down to let others go on, and counted to its client."""
-    pace = Pace()
-    try:
-        yield pace
-    finally:
-        share_of(request.scope).charge(pace.worked_s)
+@asynccontextmanager
+async def _charged(request: Request, turn: asyncio.Lock) -> AsyncIterator[Pace]:
+    """Work that is parted to let others go on, and counted to its client."""
+    async with Pace(turn) as pace:
+        try:
+            yield pace
+        finally:
+            share_of(request.scope).charge(pace.worked_s)
 
 
 def _judged(results: ReportResults | detections.DetectionResults) -> Response:

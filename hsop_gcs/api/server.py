@@ -1,6 +1,7 @@
 """The HTTP server: accepts clients' connections within their bounds, and closes those that take too long."""
 
 import asyncio
+import ctypes
 import logging
 import resource
 import socket
@@ -25,6 +26,9 @@ _PATIENCE_S = 2.0
 _OTHER_FILES = 256
 """File descriptors that are none of a client's: links, journal, workers and libraries."""
 
+_M_MMAP_THRESHOLD = -3
+_LARGE_BYTES = 131_072
+
 log = logging.getLogger(__name__)
 
 
@@ -34,6 +38,7 @@ async def serving(
 ) -> AsyncIterator[None]:
     """Answer requests on a listening socket until the block ends; then wait a little for those being answered."""
     server = Server(app, listening, within_descriptors(bounds or Bounds()), account or Account())
+    _give_memory_back()
     server.open()
     keeper = asyncio.create_task(server.keep())
     try:
@@ -180,6 +185,12 @@ class Server:
 
     def _date(self) -> None:
         self._state.default_headers = [(b"date", formatdate(usegmt=True).encode()), *self._config.encoded_headers]
+
+
+def _give_memory_back() -> None:
+    """Have the C library return large pieces of memory at once: it keeps them once there were some."""
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).mallopt(_M_MMAP_THRESHOLD, _LARGE_BYTES)
 
 
 def _turn_away(client: socket.socket) -> None:

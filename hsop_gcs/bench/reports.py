@@ -215,7 +215,8 @@ def _service() -> Iterator[tuple[Service, _Client]]:
             "[site]\n"
             f"origin = {{ lat_deg = {ORIGIN.lat_deg}, lon_deg = {ORIGIN.lon_deg},"
             f" altitude_amsl_m = {ORIGIN.altitude_amsl_m} }}\n"
-            f'[service]\nautonomy = "advise"\njournal = "{Path(folder, "mission.journal")}"\n'
+            f'[service]\nautonomy = "advise"\nmax_requests_per_s = 1e6\njournal = "{Path(folder, "mission.journal")}"\n'
+            "[tracks]\nmax_tracks = 1000\n"
             '[[hosts]]\nid = "h1"\nsystem_id = 1\nconnection = "udpin:127.0.0.1:0"\n'
         )
         with running(config, Path(folder, "service.log")) as service:

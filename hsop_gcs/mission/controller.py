@@ -12,6 +12,7 @@ from collections import Counter, deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import islice
 
 from hsop_gcs.detections import Detection, Fate, let_go, rays_of
 from hsop_gcs.detections import Verdict as RayVerdict
@@ -71,6 +72,8 @@ _REST_S = 0.02
 _GIMBAL_LAG_S = 0.2
 """From working out an aim to a gimbal that looks there: half a tick, the link and the gimbal's own response."""
 _EVENTS_KEPT = 500
+_GONE_TOLD = 10
+"""Threats that leave at the same time and are logged by name."""
 _HOSTS_AWAITED_S = 5.0
 """After a restart, how long the first question to the planner waits for hosts that had orders."""
 _TRACKER_LOADS = "the tracker's kernels are being loaded, the first time on a machine compiled"
@@ -428,8 +431,10 @@ class Mission:
 
     def _age(self, now_s: float) -> None:
         after, gone = prune(self.state.picture, now_s, self.state.rules.tracks)
-        for threat_id, last_s in gone.items():
+        for threat_id, last_s in islice(gone.items(), _GONE_TOLD):
             log.info("threat %s has not been reported for %.0f s: it has left", threat_id, now_s - last_s)
+        if len(gone) > _GONE_TOLD:
+            log.info("%d more threats have left", len(gone) - _GONE_TOLD)
         changed = after.tracks is not self.state.picture.tracks
         if changed or let_go(self.state.watch, now_s, self.state.rules.detections) is not self.state.watch:
             self._take(TimePassed(time_s=now_s))

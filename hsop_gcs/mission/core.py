@@ -13,6 +13,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
+from typing import TypeVar
 
 from hsop_gcs.assignment import Departure, Flight, Mover
 from hsop_gcs.detections import Verdict as RayVerdict
@@ -58,10 +59,18 @@ from hsop_gcs.mission.state import (
 )
 from hsop_gcs.placement.problem import Point
 from hsop_gcs.tracks import Picture, Refusal, RefusalKind, Track, Verdict, dismiss, prune, update
+from hsop_gcs.tracks.crowd import with_room_for_sources
 from hsop_gcs.tracks.lifecycle import has_left
 
 _SENT_AGAIN = (OrderStatus.SENT, OrderStatus.ACCEPTED, OrderStatus.ARRIVED, OrderStatus.ON_STATION)
 """Orders of hosts that the link of a service does not watch when it starts again."""
+
+
+_MOST_DISMISSED = 500
+"""Ids of dismissed threats whose reports are refused, and the same of threats that cameras still see."""
+
+K = TypeVar("K")
+V = TypeVar("V")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -195,8 +204,10 @@ def take_reports(mission: MissionState, given: ReportsArrived) -> tuple[MissionS
         for index, each in enumerate(given.measurements)
         if each.threat_id is not None and given.time_s < mission.dismissed.get((each.source, each.threat_id), 0.0)
     }
+    known, unknown = with_room_for_sources(mission.picture, given.measurements, given.time_s, mission.rules.tracks)
+    refused = {**unknown, **refused}
     picture, verdicts = update(
-        mission.picture,
+        known,
         [each for index, each in enumerate(given.measurements) if index not in refused],
         given.time_s,
         mission.rules.tracks,
@@ -312,12 +323,19 @@ def _without(mission: MissionState, threat_id: str, *, time_s: float) -> Mission
     track = mission.picture.tracks[threat_id]
     ids = {(binding.source, binding.threat_id): until_s for binding in track.sources}
     name = f"dismissed {threat_id}"
+    refused = {key: end_s for key, end_s in mission.dismissed.items() if end_s > time_s}
+    seen = {key: each for key, each in mission.unwanted.items() if not has_left(each, time_s, mission.rules.tracks)}
     mission = replace(
         mission,
-        dismissed=MappingProxyType({**mission.dismissed, **ids}),
-        unwanted=MappingProxyType({**mission.unwanted, name: replace(track, id=name, source=name, sources=())}),
+        dismissed=_newest({**refused, **ids}),
+        unwanted=_newest({**seen, name: replace(track, id=name, source=name, sources=())}),
     )
     return _with_picture(mission, dismiss(mission.picture, threat_id))
+
+
+def _newest(entries: Mapping[K, V]) -> Mapping[K, V]:
+    """Return no more entries than are kept, the newest."""
+    return MappingProxyType(dict(list(entries.items())[-_MOST_DISMISSED:]))
 
 
 def _with_plan_flying(mission: MissionState, departures: tuple[Departure, ...]) -> MissionState:

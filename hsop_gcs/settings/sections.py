@@ -103,6 +103,8 @@ class TracksSection(Section):
     confirm_at_once: ConfirmAtOnce = _TRACKS.confirm_at_once
     timeout_s: Positive = _TRACKS.timeout_s
     acceleration_psd_m2ps3: Positive = _TRACKS.acceleration_psd_m2ps3
+    max_tracks: Annotated[int, Field(ge=1, le=5000)] = _TRACKS.max_tracks
+    """Threats in the picture at the same time."""
 
 
 class LimitsSection(Section):

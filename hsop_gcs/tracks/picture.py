@@ -146,9 +146,11 @@ class _Work:
 
         False, and nothing is done, if they must be screened or weighed.
         """
+        known = len(self._table.names)
+        if known + len(scan) > self._rules.max_tracks:
+            return False
         chosen = [self._measurements[index] for index in scan]
         rows, hinted = rows_of(chosen, self._rules), hints(self._table, chosen) if self._any_id else {}
-        known = len(self._table.names)
         tracks = take(self._table, chosen, rows, hinted, hosts_m=self._places_m, clock=self._clock, now_s=self._now_s)
         if not tracks:
             return False
@@ -174,7 +176,11 @@ class _Work:
         known = len(self._table.names)
         self._tell(scan, list(found.tracks), list(found.tracks.values()), rows)
         new = [each for each in range(len(scan)) if each not in found.tracks and each not in found.refusals]
-        if new:
+        room = max(0, self._rules.max_tracks - known)
+        for position in new[room:]:
+            problem = f"a new threat, and the picture holds {self._rules.max_tracks} already, its most"
+            self._refuse(scan[position], Refusal(RefusalKind.FULL, "threat_id", problem))
+        if new := new[:room]:
             unknown(self._table, len(new))
             self._christen([chosen[position] for position in new])
             self._tell(scan, new, range(known, known + len(new)), rows)

@@ -66,6 +66,10 @@ class TrackRules:
     """However coarse a report is: a threat beside a host must not be hidden by it."""
     source_memory_s: float = 600.0
     """A source silent for this long is no longer shown."""
+    max_tracks: int = 500
+    """Reports that would begin one more are refused; those of known threats go on."""
+    max_sources: int = 1000
+    """Reports of one more are refused, until one has been silent for a minute. Cameras count, and are never refused."""
     default_size_m: float = 1.0
 
     @property

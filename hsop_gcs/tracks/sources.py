@@ -24,6 +24,8 @@ class RefusalKind(StrEnum):
     """Its threat could not have flown there."""
     DISMISSED = "dismissed"
     """Of a threat that an operator took out of the picture."""
+    FULL = "full"
+    """Of one more threat, or source, than the picture holds."""
     UNEXPLAINED = "unexplained"
     """A bearing in which no known threat lies."""
 

@@ -49,7 +49,9 @@ class Service:
         ]
 
     def post(self, raw: Any) -> DetectionResults:
-        return asyncio.run(take(json.dumps(raw).encode(), FLEET, self.submit, self.refused.append, Pace()))
+        return asyncio.run(
+            take(json.dumps(raw).encode(), FLEET, self.submit, self.refused.append, Pace(asyncio.Lock()))
+        )
 
 
 def test_a_pixel_gets_the_sigma_of_its_camera_unless_it_brings_its_own() -> None:
