@@ -312,7 +312,8 @@ class Vehicle:
         self._works = "telemetry"
         self._telemetry.receive(message, now, component=component)
         self._note_presence(now)
-        self._note_identity(now)
+        if isinstance(message, OneAircraft.LOOKS_AT):
+            self._note_identity(now)
         self._works = "commands"
         self._commands.receive(message, now, component=component)
         self._works = "gimbal"

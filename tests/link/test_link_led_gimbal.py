@@ -1,7 +1,7 @@
 """Several gimbals on one vehicle, and gimbals that are their own managers: which one is led, and whose word counts."""
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import pytest
 
@@ -11,6 +11,7 @@ from hsop_gcs.link.enums import GimbalFlags, MavAutopilot, MavCmd, MavResult, Ma
 from hsop_gcs.link.events import GimbalFailed, GimbalOffTarget, OnStation
 from hsop_gcs.link.messages import (
     Attitude,
+    BatteryStatus,
     CommandAck,
     CommandInt,
     CommandLong,
@@ -212,3 +213,46 @@ def test_a_vehicle_without_a_gimbal_is_not_asked_without_end() -> None:
         if isinstance(message, CommandLong) and message.param1 == GimbalManagerInformation.ID
     ]
     assert len(asked) <= 12
+
+
+def test_a_gimbal_that_falls_silent_is_not_on_target_any_more() -> None:
+    ends = SilentGimbal("ardupilot").ready()
+    ends.order(east_m=0.0, north_m=0.0, up_m=20.0, aim=AIM)
+    ends.until(lambda: ends.saw(OnStation))
+    ends.silent = True
+    ends.until(lambda: ends.saw(GimbalOffTarget), within_s=5.0)
+    progress = ends.vehicle.progress
+    assert progress is not None
+    assert not progress.on_station
+    ends.silent = False
+    ends.until(lambda: len(ends.of(OnStation)) == 2, within_s=10.0)
+
+
+class SilentGimbal(TwoEnds):
+    """Two ends whose gimbal may cease to report."""
+
+    silent = False
+
+    def hear(self, message: Message, component: int) -> None:
+        if not (self.silent and isinstance(message, GimbalDeviceAttitudeStatus)):
+            super().hear(message, component)
+
+
+OTHERS = [
+    kind for kind in Message.__subclasses__() if kind not in (GimbalDeviceAttitudeStatus, GimbalManagerInformation)
+]
+
+
+@pytest.mark.parametrize("component", [100, 154, 171, 180, 191, 240])
+def test_what_other_components_say_of_themselves_is_not_the_vehicle_s(component: int) -> None:
+    """Every message there is but those of gimbals and batteries, with zeros and with ones in all its fields."""
+    ends = TwoEnds("ardupilot").ready()
+    before, seen = ends.vehicle.state, ends.vehicle.take_events()
+    for kind in OTHERS:
+        if kind is BatteryStatus and component in (180, 181):
+            continue
+        ones = {field.name: 1 for field in fields(kind) if field.type in (int, float, "int", "float")}
+        for message in (kind(), kind(**ones)):
+            ends.vehicle.receive(message, ends.now, component=component)
+    assert ends.vehicle.state == before
+    assert ends.vehicle.take_events() == seen == []

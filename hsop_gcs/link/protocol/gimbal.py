@@ -41,6 +41,8 @@ _ASK_NEXT_AFTER_S = 0.2
 """One who has no gimbal manager said so: the next one is asked."""
 _LOOK_AGAIN_AFTER_S = 30.0
 """While nobody wants to aim, a vehicle that said it has no gimbal is left in peace."""
+_SILENT_AFTER_S = 3.5
+"""A gimbal that does not say for so long where it looks is not on target any more."""
 _MOST_GIMBALS = 8
 _OWN_MANAGER_FLAGS = GimbalFlags.ROLL_LOCK | GimbalFlags.PITCH_LOCK | GimbalFlags.YAW_IN_VEHICLE_FRAME
 """What a gimbal that is its own manager is told: the protocol's own words, without an autopilot's peculiarities."""
@@ -112,6 +114,8 @@ class Gimbal:
         self._inside_since: float | None = None
         self._outside_since: float | None = None
         self._give_up_at: float | None = None
+        self._looked_at = -math.inf
+        """When the gimbal said last where it looks."""
         self._refusal = ""
         self._losses = 0
 
@@ -162,6 +166,8 @@ class Gimbal:
         times = [] if idle else [self._next_at]
         if self._give_up_at is not None:
             times.append(self._give_up_at)
+        if self.on_target:
+            times.append(self._looked_at + _SILENT_AFTER_S)
         return min(times, default=None)
 
     def receive(self, message: Message, now: float, *, component: int = MavComponent.AUTOPILOT1) -> None:
@@ -213,6 +219,8 @@ class Gimbal:
         if self._give_up_at is not None and now >= self._give_up_at:
             self._give_up_at = None
             self._events.append(GimbalFailed(system=self._system, order_id=self._order_id, reason=self._why_not()))
+        if self.on_target and now >= self._looked_at + _SILENT_AFTER_S:
+            self._leave_target(now)
         if self._ticket is not None or now < self._next_at or not self._has_work():
             return
         if self._manager is None:
@@ -356,6 +364,7 @@ class Gimbal:
         error_deg = self.error_deg
         if error_deg is None:
             return
+        self._looked_at = now
         inside = error_deg <= self.tolerances.on_target_deg
         outside = error_deg > self.tolerances.off_target_deg
         self._inside_since = (now if self._inside_since is None else self._inside_since) if inside else None
@@ -364,9 +373,12 @@ class Gimbal:
             self.on_target, self._give_up_at = True, None
             self._events.append(GimbalOnTarget(system=self._system, order_id=self._order_id))
         elif self.on_target and self._outside_since is not None and now - self._outside_since >= self.tolerances.hold_s:
-            self.on_target = False
-            self._give_up_at = now + self.tolerances.give_up_after_s
-            self._events.append(GimbalOffTarget(system=self._system, order_id=self._order_id))
+            self._leave_target(now)
+
+    def _leave_target(self, now: float) -> None:
+        self.on_target, self._inside_since = False, None
+        self._give_up_at = now + self.tolerances.give_up_after_s
+        self._events.append(GimbalOffTarget(system=self._system, order_id=self._order_id))
 
     def _clipped(self, aim: Aim, heading_deg: float) -> Aim:
         limits = self._manager.limits if self._manager is not None else None

@@ -82,6 +82,9 @@ class _Place:
 class OneAircraft:
     """Watches what comes from one vehicle's autopilot."""
 
+    LOOKS_AT = (Heartbeat, Attitude, GlobalPositionInt)
+    """The messages that show anything."""
+
     def __init__(self, system: int) -> None:
         self._system = system
         self._clocks: _Switches[float] = _Switches()
@@ -102,6 +105,8 @@ class OneAircraft:
 
     def receive(self, message: Message, now: float, *, sequence: int | None = None) -> None:
         """Take a message of the autopilot; sequence: of the frame it came in."""
+        if not isinstance(message, self.LOOKS_AT):
+            return
         match message:
             case Heartbeat():
                 self._kind((message.autopilot, message.type), now)

@@ -54,7 +54,7 @@ VEHICLE_TYPES = frozenset(
 """The kinds of MAV_TYPE that move by themselves; the others are parts of a vehicle, or stand beside it."""
 
 
-_OF_GIMBALS = GimbalDeviceAttitudeStatus | GimbalManagerInformation | GimbalManagerStatus
+_OF_ANY = (CommandAck, GimbalDeviceAttitudeStatus, GimbalManagerInformation, GimbalManagerStatus)
 _SILENT_AFTER_S = 10.0
 _MOST_OTHERS = 8
 _KINDS = {
@@ -92,12 +92,12 @@ def begins_link(message: Message, component: int) -> bool:
 
 def is_foreign(message: Message, component: int, *, autopilot: int = MavComponent.AUTOPILOT1) -> bool:
     """Whether a message is a heartbeat under the ids of the ``autopilot`` component that is not the autopilot's."""
-    return component == autopilot and isinstance(message, Heartbeat) and not begins_link(message, component)
+    return isinstance(message, Heartbeat) and component == autopilot and not begins_link(message, component)
 
 
 def is_taken(message: Message, component: int, *, autopilot: int) -> bool:
     """Whether a message of a vehicle's component is listened to: all of the autopilot's, of others what is theirs."""
-    if component == autopilot or isinstance(message, CommandAck | _OF_GIMBALS):
+    if component == autopilot or isinstance(message, _OF_ANY):
         return True
     if isinstance(message, BatteryStatus):
         return component in BATTERIES
