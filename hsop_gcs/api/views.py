@@ -184,6 +184,7 @@ def _problems(mission: Mission, unavailable: Mapping[str, Closed]) -> list[str]:
     problems = [f"host {host_id}: {closed.reason}" for host_id, closed in unavailable.items()]
     problems += _clock_problems(mission)
     problems += mission.refusals.problems(mission.clock())
+    problems += mission.threatened.problems(mission.clock())
     if not mission.link.running:
         problems.append("link: the pump has stopped")
     problems += [f"link: {problem}" for problem in mission.link.problems]

@@ -1,7 +1,7 @@
 """Assignment: which host flies to which hover point, by which route, when, and the order each one gets. Pure."""
 
 from hsop_gcs.assignment.arrangement import Departure, NoSafeFlight, arrange, flight_s
-from hsop_gcs.assignment.corridor import clear_of, why_outside
+from hsop_gcs.assignment.corridor import clear_of, inner, why_outside
 from hsop_gcs.assignment.matching import assign
 from hsop_gcs.assignment.orders import HostOrder, order_for, orders_for
 from hsop_gcs.assignment.routes import (
@@ -29,6 +29,7 @@ __all__ = [
     "flight_s",
     "gains_by_staying",
     "in_the_way",
+    "inner",
     "order_for",
     "orders_for",
     "safe_route",

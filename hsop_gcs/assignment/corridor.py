@@ -67,6 +67,36 @@ def clear_of(airspace: Airspace, flights: Iterable[Flight], by_m: float) -> Airs
     return replace(airspace, keep_outs=(*airspace.keep_outs, *areas)) if areas else airspace
 
 
+@lru_cache(maxsize=64)
+def inner(airspace: Airspace, by_m: float) -> Airspace:
+    """Return the airspace without what is nearer to its edges than so many metres, sideways.
+
+    A fence too narrow for that stays as it is.
+    """
+    if by_m <= 0:
+        return airspace
+    fence = shapely.union_all([shapely.Polygon(polygon) for polygon in airspace.inside])
+    inside = _polygons(shapely.buffer(fence, -by_m, join_style="mitre"))
+    if not inside or any(part.interiors for part in shapely.get_parts(fence)):
+        # several that surround a hole have no one outline
+        inside = tuple(one for each in airspace.inside for one in _polygons(_buffered(each, -by_m)) or (each,))
+    areas = (
+        replace(area, polygon=polygon)
+        for area in airspace.keep_outs
+        for polygon in _polygons(_buffered(area.polygon, by_m))
+    )
+    return replace(airspace, inside=inside, keep_outs=tuple(areas))
+
+
+def _polygons(area: shapely.Geometry) -> tuple[Polygon, ...]:
+    """The outlines of an area's parts."""
+    return tuple(
+        tuple((float(x), float(y)) for x, y in list(part.exterior.coords)[:-1])
+        for part in shapely.get_parts(area)
+        if not part.is_empty
+    )
+
+
 def _around(flight: Flight, by_m: float) -> KeepOut:
     plane, ups_m = [point[:2] for point in flight.points_m], [point[2] for point in flight.points_m]
     line = shapely.LineString(plane) if len(set(plane)) > 1 else shapely.Point(plane[0])

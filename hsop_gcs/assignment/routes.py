@@ -114,15 +114,16 @@ def why_unsafe(
     rules: FlightRules,
     *,
     within_s: float = math.inf,
+    stays_s: float = 0.0,
 ) -> str | None:
     """Return what is wrong with flying a route from now on, for a person; None if it is safe.
 
     It keeps the safety distance from all threats flying straight on, inside the fence and outside keep-out areas; and
     a host that is already nearer to a threat than that may not come nearer still. within_s: how much of the flight is
-    looked at; the whole of it may also begin late.
+    looked at; the whole of it may also begin late. stays_s: how long the host stays at its end.
     """
     way = np.array([mover.position_m, *route_m])
-    places, times = _flown(way, mover, within_s)
+    places, times = _flown(way, mover, within_s, stays_s)
     for late_s in (0.0, _LATE_S) if math.isinf(within_s) else (0.0,):
         distances = _distances(places, times + late_s, threats, rules.horizon_s)
         near = _comes_near(distances, rules.safety_distance_m)
@@ -167,8 +168,11 @@ def _may_be_safe(
 
 
 def _comes_near(distances: FloatArray, safety_distance_m: float) -> npt.NDArray[np.bool_]:
-    """Whether distances over time, (n, times) metres, fall below the safety distance, or below what they begin with."""
-    return np.asarray(np.min(distances - np.minimum(safety_distance_m, distances[:, :1]), axis=1) < -1e-9)
+    """Whether distances over time, (n, times) metres, fall below the safety distance, or once they are below it, at
+    all.
+    """
+    reached = np.maximum.accumulate(distances, axis=1)
+    return np.asarray(np.min(distances - np.minimum(safety_distance_m, reached), axis=1) < -1e-9)
 
 
 def clearance_m(mover: Mover, route_m: tuple[Point, ...], threats: tuple[Threat, ...], *, horizon_s: float) -> float:
@@ -198,10 +202,12 @@ def _ends_too_near(mover: Mover, goal_m: Point, threats: tuple[Threat, ...], rul
     )
 
 
-def _flown(way: FloatArray, mover: Mover, within_s: float) -> tuple[FloatArray, FloatArray]:
-    """Where a host is that flies the way, (points, 3), at constant speed: (3, times) ENU metres, and those times."""
+def _flown(way: FloatArray, mover: Mover, within_s: float, stays_s: float = 0.0) -> tuple[FloatArray, FloatArray]:
+    """Where a host is that flies the way, (points, 3), at constant speed, and stays so long at its end: (3, times) ENU
+    metres, and those times.
+    """
     reached_s = reached_times_s(way, mover)
-    times = np.arange(0.0, min(float(reached_s[-1]), within_s) + _STEP_S, _STEP_S)
+    times = np.arange(0.0, min(float(reached_s[-1]) + stays_s, within_s) + _STEP_S, _STEP_S)
     return np.stack([np.interp(times, reached_s, way[:, axis]) for axis in range(3)]), times
 
 

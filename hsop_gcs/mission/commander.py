@@ -4,14 +4,18 @@ import math
 from collections.abc import Iterable, Mapping
 
 from hsop_gcs.fleet import Fleet, Host
-from hsop_gcs.geometry.frames import LocalFrame
+from hsop_gcs.geometry.frames import Aim, LocalFrame
 from hsop_gcs.link.pump import Link
 from hsop_gcs.mission.core import Pending, Wish
-from hsop_gcs.mission.dispatch import OrderProgress, hover_order
+from hsop_gcs.mission.dispatch import OrderProgress, WayGiven, evasion_order, hover_order
 from hsop_gcs.mission.gates import Aircraft
 
 _AGAIN_S = 6.0
 """After a command that was not confirmed; the link has tried it for five seconds by then."""
+
+
+_EVADE_WITHIN_S = 3.0
+"""A flight out of a threat's way that cannot be ordered within this is not ordered: the threat is elsewhere by then."""
 
 
 class Commander:
@@ -28,6 +32,18 @@ class Commander:
         (host,) = (host for host in self._fleet.hosts if host.id == progress.order.host)
         deadline_s, speed_mps = self._link.now() + for_s, self._fleet.limits.speed_mps
         self._link.hover(host.system_id, hover_order(progress, self._frame, deadline_s=deadline_s, speed_mps=speed_mps))
+
+    def give_way(self, host: Host, way: WayGiven, *, heading_deg: float, aim: Aim | None) -> None:
+        """Send a host out of a threat's way at full speed."""
+        order = evasion_order(
+            way,
+            self._frame,
+            heading_deg=heading_deg,
+            aim=aim,
+            deadline_s=self._link.now() + _EVADE_WITHIN_S,
+            speed_mps=self._fleet.limits.speed_mps,
+        )
+        self._link.hover(host.system_id, order)
 
     def tell(self, hosts: Iterable[Host], wish: Wish) -> None:
         """Order hosts to hold or to return at once, whoever flies them.

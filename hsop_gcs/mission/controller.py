@@ -35,12 +35,14 @@ from hsop_gcs.mission.inputs import (
     ClockStepped,
     DecisionMade,
     HostDeparted,
+    HostGaveWay,
     HostSetAside,
     HostsHeld,
     HostSpoke,
     HostsRecalled,
     HostsReleased,
     HostStopped,
+    HostThreatened,
     Input,
     LegFlown,
     MissionStarted,
@@ -62,6 +64,7 @@ from hsop_gcs.mission.sky import Sky
 from hsop_gcs.mission.solver import Solver
 from hsop_gcs.mission.state import Autonomy, Plan, ready, replan_reason
 from hsop_gcs.mission.storage import Storage
+from hsop_gcs.mission.threatened import Threatened
 from hsop_gcs.mission.traffic import Blocked
 from hsop_gcs.reports import Measurement, Site
 from hsop_gcs.tracks import Refusal, RefusalKind, Verdict, prune
@@ -143,6 +146,7 @@ class Mission:
         self._changed = asyncio.Event()
         self._blocked: dict[str, Blocked] = {}
         """Why hosts that wait did not depart when that was last looked at."""
+        self.threatened = Threatened()
         self._poses = Poses(fleet, site.frame, link, clock)
         self._commander = Commander(fleet, site.frame, link)
         self._awaits_hosts_until_s = link.now() + _HOSTS_AWAITED_S
@@ -276,7 +280,8 @@ class Mission:
         names = tuple(host.id for host in hosts)
         for host in hosts:
             self.link.take_off(host.system_id, altitude_m)
-        if any(name in self.state.aside or name in self.state.pending for name in names):
+        kept_back = {*self.state.aside, *self.state.pending, *self.state.held_hosts}
+        if kept_back.intersection(names):
             self._take(HostsReleased(time_s=self.clock(), hosts=names, everyone=False))
         return list(names)
 
@@ -409,7 +414,15 @@ class Mission:
             waiting = [host for host, each in self.state.progress.items() if each.status is OrderStatus.WAITING]
             barred = [host for host in waiting if (each := self._waits_for(host)) is not None and each.for_good]
             reason = replan_reason(
-                self.state.plans, tracks, movers, now_s, rules.replanning, rules.planning, waiting, barred
+                self.state.plans,
+                tracks,
+                movers,
+                now_s,
+                rules.replanning,
+                rules.planning,
+                waiting,
+                barred,
+                self.state.ways_given,
             )
             if reason is not None:
                 standing = self.sky.standing(self.state, unavailable)
@@ -478,6 +491,8 @@ class Mission:
             if isinstance(given, Blocked):
                 self._blocked[given.host] = given
                 continue
+            if isinstance(given, HostThreatened) and not self.threatened.is_news(given):
+                continue
             host = self._hosts([given.host])[0]
             if isinstance(given, HostStopped):
                 self._stop(host)
@@ -486,6 +501,11 @@ class Mission:
                 self.link.leave_alone(host.system_id)
             self._take(given)
             self._log(host, given)
+            if isinstance(given, HostGaveWay):
+                self.sky.closings["gave way"] += 1
+                way, aim = self.state.ways_given[host.id], self.sky.target_of(self.state, host, now_s)
+                heading_deg = self.sky.heading_deg(self.state, host)
+                self._commander.give_way(host, way, heading_deg=heading_deg, aim=aim)
             if isinstance(given, HostDeparted | LegFlown):
                 plan = self.state.plans.flying
                 assert plan is not None, "only hosts of the flying plan are sent"

@@ -20,12 +20,13 @@ from hsop_gcs.detections import Verdict as RayVerdict
 from hsop_gcs.detections import Watch, assimilate, let_go
 from hsop_gcs.link.events import CommandFinished, Event, OrderEvent, OrderFailed
 from hsop_gcs.mission.clock import Timeline
-from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus, progressed
+from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus, WayGiven, progressed
 from hsop_gcs.mission.inputs import (
     ClockStepped,
     DecisionMade,
     EntriesGivenUp,
     HostDeparted,
+    HostGaveWay,
     HostRetried,
     HostSetAside,
     HostsHeld,
@@ -33,6 +34,7 @@ from hsop_gcs.mission.inputs import (
     HostsRecalled,
     HostsReleased,
     HostStopped,
+    HostThreatened,
     Input,
     LegFlown,
     MissionStarted,
@@ -109,6 +111,8 @@ class MissionState:
     """Where mission time has come to, and how the system clock stands to it."""
     held: bool = False
     """An operator's hold or recall took automation away, until hosts are released."""
+    held_hosts: frozenset[str] = frozenset()
+    """Hosts that an operator stopped, and that were not sent out again since: they stay even in a threat's way."""
     aside: Mapping[str, Aside] = field(default_factory=lambda: MappingProxyType({}))
     """Hosts that are planned without."""
     pending: Mapping[str, Pending] = field(default_factory=lambda: MappingProxyType({}))
@@ -119,6 +123,10 @@ class MissionState:
     plans: Plans = field(default_factory=Plans)
     progress: Mapping[str, OrderProgress] = field(default_factory=lambda: MappingProxyType({}))
     """The newest order of each host."""
+    ways_given: Mapping[str, WayGiven] = field(default_factory=lambda: MappingProxyType({}))
+    """Hosts that were sent out of a threat's way, and did not depart to a hover point since."""
+    times_given: int = 0
+    """How often a host was sent out of a threat's way: flights of that kind are numbered."""
     asked: SolverAsked | None = None
     """What the solver is working on."""
     unwanted: Mapping[str, Track] = field(default_factory=lambda: MappingProxyType({}))
@@ -139,7 +147,9 @@ class MissionState:
 
     def flies_to_m(self, host: str) -> tuple[Point, ...]:
         """Return the points that a host on its way has still to fly to, ENU metres; none if it is not."""
-        progress = self.progress.get(host)
+        progress, way = self.progress.get(host), self.ways_given.get(host)
+        if way is not None:
+            return () if way.over else (way.goal_m,)
         return progress.ahead_m if progress is not None and progress.flying else ()
 
 
@@ -178,7 +188,7 @@ def _applied(mission: MissionState, given: Input) -> MissionState:
             return _with_move(mission, given)
         case HostsHeld(hosts=hosts):
             mission = _wished(mission, hosts, Wish.HOLD, given.time_s, by_operator=True)
-            return replace(_without_orders(mission, hosts), held=True)
+            return replace(_without_orders(mission, hosts), held=True, held_hosts=mission.held_hosts.union(hosts))
         case HostsRecalled(hosts=hosts):
             recalled = dict.fromkeys(hosts, Aside(reason="recalled by the operator", until_s=None))
             aside = MappingProxyType({**mission.aside, **recalled})
@@ -187,7 +197,11 @@ def _applied(mission: MissionState, given: Input) -> MissionState:
         case HostsReleased(hosts=hosts, everyone=everyone):
             left = {host: aside for host, aside in mission.aside.items() if host not in hosts}
             mission = replace(mission, aside=MappingProxyType(left), held=mission.held and not everyone)
-            return _not_pending(mission, hosts)
+            return _not_held(_not_pending(mission, hosts), hosts)
+        case HostGaveWay():
+            return _with_way_given(mission, given)
+        case HostThreatened():
+            return mission
         case WishLapsed(host=host):
             return _not_pending(mission, (host,))
         case HostSpoke(host=host, event=event):
@@ -276,6 +290,7 @@ def _started(mission: MissionState, given: MissionStarted) -> MissionState:
     """
     lost = {host for host in (*mission.progress, *mission.pending, *mission.aside) if host not in given.hosts}
     under_way = [host for host, progress in mission.progress.items() if progress.flying]
+    under_way += [host for host, way in mission.ways_given.items() if not way.over]
     mission = _not_pending(_without_orders(_wished(mission, under_way, Wish.HOLD, given.time_s), lost), lost)
     flying = None if given.rules.autonomy is Autonomy.ADVISE else mission.plans.flying
     plan_id, note = None if flying is None else flying.id, "the service was started again"
@@ -294,6 +309,7 @@ def _started(mission: MissionState, given: MissionStarted) -> MissionState:
         plans=Plans(made=mission.plans.made, flying=flying),
         progress=MappingProxyType({host: taken_up(each) for host, each in mission.progress.items()}),
         asked=None,
+        ways_given=MappingProxyType({}),
     )
 
 
@@ -362,7 +378,8 @@ def _with_move(
         case LegFlown():
             progress = replace(progress, leg=progress.leg + 1)
         case HostDeparted(route_m=route_m):
-            mission = _not_pending(mission, (given.host,))
+            mission = _not_held(_not_pending(mission, (given.host,)), (given.host,))
+            mission = _without_ways(mission, (given.host,))
             progress = replace(
                 progress,
                 order=replace(progress.order, via_m=route_m[:-1]),
@@ -386,13 +403,31 @@ def _with_move(
     return _with_progress(mission, given.host, progress)
 
 
+def _with_way_given(mission: MissionState, given: HostGaveWay) -> MissionState:
+    """A host's order for the plan that flies waits until its way is free again; another order is over."""
+    number = mission.times_given + 1
+    way = WayGiven(order_id=f"way{number}/{given.host}", goal_m=given.goal_m, threat=given.threat, since_s=given.time_s)
+    mission = replace(
+        _not_pending(mission, (given.host,)),
+        ways_given=MappingProxyType({**mission.ways_given, given.host: way}),
+        times_given=number,
+    )
+    progress, flying = mission.progress.get(given.host), mission.plans.flying
+    if progress is None or progress.status is OrderStatus.GIVEN_UP:
+        return mission
+    goes_on = flying is not None and flying.id == progress.plan_id
+    status = OrderStatus.WAITING if goes_on else OrderStatus.SUPERSEDED
+    note = f"gives way to threat {given.threat}"
+    return _with_progress(mission, given.host, replace(progress, status=status, since_s=given.time_s, note=note))
+
+
 def _without_orders(mission: MissionState, hosts: Collection[str]) -> MissionState:
     """Held hosts carry out no plan any more, and a plan without them is none."""
     left = {host: progress for host, progress in mission.progress.items() if host not in hosts}
     flying = mission.plans.flying
     over = flying is not None and any(order.host in hosts for order in flying.decision.orders)
     plans = replace(mission.plans, flying=None) if over else mission.plans
-    return replace(mission, plans=plans, progress=MappingProxyType(left))
+    return _without_ways(replace(mission, plans=plans, progress=MappingProxyType(left)), hosts)
 
 
 def _with_event(mission: MissionState, host: str, event: Event, time_s: float) -> MissionState:
@@ -400,6 +435,9 @@ def _with_event(mission: MissionState, host: str, event: Event, time_s: float) -
         pending = mission.pending.get(host)
         obeyed = pending is not None and event.problem is None and event.command == pending.wish
         return _not_pending(mission, (host,)) if obeyed else mission
+    way = mission.ways_given.get(host)
+    if way is not None and isinstance(event, OrderEvent) and event.order_id == way.order_id:
+        return replace(mission, ways_given=MappingProxyType({**mission.ways_given, host: way.after(event)}))
     progress = mission.progress.get(host)
     if progress is None or not isinstance(event, OrderEvent) or event.order_id != progress.leg_id:
         return mission
@@ -423,6 +461,15 @@ def _wished(
 def _not_pending(mission: MissionState, hosts: Iterable[str]) -> MissionState:
     left = {host: pending for host, pending in mission.pending.items() if host not in hosts}
     return replace(mission, pending=MappingProxyType(left))
+
+
+def _not_held(mission: MissionState, hosts: Iterable[str]) -> MissionState:
+    return replace(mission, held_hosts=mission.held_hosts.difference(hosts))
+
+
+def _without_ways(mission: MissionState, hosts: Iterable[str]) -> MissionState:
+    left = {host: way for host, way in mission.ways_given.items() if host not in hosts}
+    return replace(mission, ways_given=MappingProxyType(left))
 
 
 def _with_progress(mission: MissionState, host: str, progress: OrderProgress) -> MissionState:

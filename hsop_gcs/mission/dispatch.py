@@ -7,7 +7,7 @@ import numpy as np
 
 from hsop_gcs.assignment import HostOrder, Mover
 from hsop_gcs.fleet import FlightLimits, Host
-from hsop_gcs.geometry.frames import LocalFrame
+from hsop_gcs.geometry.frames import Aim, LocalFrame
 from hsop_gcs.link.events import (
     AimClipped,
     Arrived,
@@ -86,6 +86,23 @@ class OrderProgress:
         return self.ahead_m[0]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WayGiven:
+    """A host's flight out of a threat's way: until it departs to a hover point again."""
+
+    order_id: str
+    goal_m: Point
+    threat: str
+    since_s: float
+    """When it was sent, seconds since the Unix epoch."""
+    over: bool = False
+    """It has arrived, or will not: it stays where it is."""
+
+    def after(self, event: Event) -> "WayGiven":
+        """Return how it stands after an event of its order."""
+        return replace(self, over=True) if isinstance(event, Arrived | OrderFailed | OrderSuperseded) else self
+
+
 def mover_of(host: Host, state: VehicleState, frame: LocalFrame, limits: FlightLimits) -> Mover:
     """Return the host as assignment sees it. The state must have a position."""
     assert state.position is not None
@@ -96,6 +113,20 @@ def mover_of(host: Host, state: VehicleState, frame: LocalFrame, limits: FlightL
         speed_mps=limits.speed_mps,
         climb_mps=limits.climb_mps,
         rig=host.rig,
+    )
+
+
+def evasion_order(
+    way: WayGiven, frame: LocalFrame, *, heading_deg: float, aim: Aim | None, deadline_s: float, speed_mps: float
+) -> HoverOrder:
+    """Return what goes on the link for a host that gives way; its camera goes on looking where it looks."""
+    return HoverOrder(
+        order_id=way.order_id,
+        point=frame.to_geodetic(np.array(way.goal_m)),
+        heading_deg=heading_deg,
+        aim=aim,
+        deadline_s=deadline_s,
+        speed_mps=speed_mps,
     )
 
 

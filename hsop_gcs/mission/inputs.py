@@ -128,6 +128,29 @@ class HostStopped(Input):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class HostGaveWay(Input):
+    """A host is about to be sent out of a threat's way, whatever it was doing; its order, if it has one, waits."""
+
+    host: str
+    goal_m: Point
+    threat: str
+    distance_m: float
+    """How near the threat was expected to come."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostThreatened(Input):
+    """A threat is expected to come within the safety distance of a host that does not give way; for people."""
+
+    host: str
+    threat: str
+    distance_m: float
+    """How near the threat is expected to come."""
+    reason: str
+    """Why the host does not give way."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class WishLapsed(Input):
     """A hold or recall that its host has not confirmed has no object any more, and is not ordered again."""
 

@@ -226,7 +226,7 @@ def _airspace(threats: tuple[Threat, ...], rules: PlanningRules) -> Airspace:
     floor_m, ceiling_m = rules.limits.floor_m, rules.limits.ceiling_m
     ups_m = [threat.predicted_m(after_s)[2] for threat in threats for after_s in (0.0, rules.horizon_s)]
     low_m, high_m = (min(max(up_m, floor_m), ceiling_m) for up_m in (min(ups_m), max(ups_m)))
-    return replace(rules.airspace, floor_m=low_m, ceiling_m=high_m)
+    return replace(rules.hover_airspace(), floor_m=low_m, ceiling_m=high_m)
 
 
 def _kept(situation: Situation, rules: PlanningRules, new: Decision) -> Decision | None:

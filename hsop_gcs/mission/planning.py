@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from hsop_gcs.assignment import Flight, FlightRules, HostOrder, Mover, clear_of
+from hsop_gcs.assignment import Flight, FlightRules, HostOrder, Mover, clear_of, inner
 from hsop_gcs.cameras.rig import CameraRig
 from hsop_gcs.fleet import FlightLimits
 from hsop_gcs.placement.airspace import Airspace
@@ -46,6 +46,9 @@ class PlanningRules:
     """A new plan takes the place of one that still holds only if this share of the cost is gained."""
     time_limit_s: float = 1.0
     seed: int = 0
+    fence_margin_m: float = 2.0
+    """How far inside the fence and outside keep-outs hover points lie: hosts misplace themselves, and wind moves them;
+    on the very edge that would close a gate."""
     limits: FlightLimits = field(default_factory=FlightLimits)
     airspace: Airspace = field(default_factory=Airspace)
     """The fence and the keep-out areas; floor and ceiling are those of ``limits``."""
@@ -56,6 +59,10 @@ class PlanningRules:
     """Of a threat, fused into its expected error."""
     rig: CameraRig = field(default_factory=CameraRig)
     """Of every host that has none of its own."""
+
+    def hover_airspace(self) -> Airspace:
+        """Return the airspace that hover points lie in: the fence and the keep-outs with their margin."""
+        return inner(self.airspace, self.fence_margin_m)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -99,12 +99,22 @@ class Sky:
         _, _, home_m = self._site.frame.to_enu(state.home).tolist()
         return east, north, home_m + altitude_m
 
+    def heading_deg(self, mission: MissionState, host: Host) -> float:
+        """Return the heading that a host has by its order; without one, the heading that it has."""
+        progress = mission.progress.get(host.id)
+        if progress is not None:
+            return progress.order.heading_deg
+        return (self._link.vehicles[host.system_id].state.heading_deg or 0.0) % 360.0
+
     def target_of(self, mission: MissionState, host: Host, at_s: float) -> Aim | None:
         """Return where a host should look for its threats at a time, from where it is; None if it is to follow none."""
         progress, position = mission.progress.get(host.id), self._link.vehicles[host.system_id].state.position
         if progress is None or progress.order.aim is None or position is None:
             return None
-        if progress.status not in (OrderStatus.ACCEPTED, OrderStatus.ARRIVED, OrderStatus.ON_STATION):
+        looking = (OrderStatus.ACCEPTED, OrderStatus.ARRIVED, OrderStatus.ON_STATION)
+        if progress.status not in looking and not (
+            host.id in mission.ways_given and progress.status is OrderStatus.WAITING
+        ):
             return None
         tracks = mission.picture.tracks
         seen = [name for name, camera in progress.order.views if camera is CameraKind.CENTRAL and name in tracks]

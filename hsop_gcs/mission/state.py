@@ -12,9 +12,11 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from types import MappingProxyType
 
 from hsop_gcs.assignment import Mover
 from hsop_gcs.detections.merging import is_only_seen
+from hsop_gcs.mission.dispatch import WayGiven
 from hsop_gcs.mission.pipeline import why_over
 from hsop_gcs.mission.planning import Decision, PlanningRules, Sigma, Situation
 from hsop_gcs.placement.problem import Threat
@@ -107,11 +109,13 @@ def replan_reason(
     planning: PlanningRules,
     waiting: Iterable[str] = (),
     barred: Iterable[str] = (),
+    ways_given: Mapping[str, WayGiven] = MappingProxyType({}),
 ) -> str | None:
     """Return why a new plan is due now, for a person, or None.
 
     movers: the hosts that can be sent. waiting: those that have not been able to depart, or not again. barred: those
-    that will not be, for what is in their way stays there.
+    that will not be, for what is in their way stays there. ways_given: the hosts that gave way to a threat and are not
+    on their way to a hover point since.
     """
     if not tracks:
         return None
@@ -138,6 +142,11 @@ def replan_reason(
     for order in newest.decision.orders:
         if order.host not in available:
             return f"host {order.host} is not available any more"
+    if newest is plans.flying and now_s > newest.made_at_s + rules.retry_s:
+        for order in newest.decision.orders:
+            way = ways_given.get(order.host)
+            if way is not None and way.since_s > newest.asked_at_s:
+                return f"host {order.host} gave way to threat {way.threat}"
     # a decision that keeps the plan changes nothing for a host that waits: the next one is not due at once
     if newest is plans.flying and now_s > newest.made_at_s + rules.retry_s:
         for host in barred:

@@ -11,11 +11,13 @@
                                      ▼
                                   given up: the host is set aside, and the mission plans without it
 
+Whatever it does, a host gives way to a threat that comes too near (``giving_way``); its order waits meanwhile.
 Pure: the mission and its aircraft go in, inputs for the mission come out. The shell journals them, then acts on them.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import chain
 from types import MappingProxyType
 
@@ -23,19 +25,31 @@ from hsop_gcs.assignment import Flight, FlightRules, Mover, gains_by_staying, in
 from hsop_gcs.fleet import FlightLimits
 from hsop_gcs.mission.core import MissionState, Pending, situation
 from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus
+from hsop_gcs.mission.evasion import ACCELERATION_MPS2, LOOK_S, REACTION_S, Approach
 from hsop_gcs.mission.gates import Aircraft, Closed
-from hsop_gcs.mission.inputs import HostDeparted, HostRetried, HostSetAside, HostStopped, LegFlown, WishLapsed
+from hsop_gcs.mission.giving_way import GivingWay
+from hsop_gcs.mission.inputs import (
+    HostDeparted,
+    HostGaveWay,
+    HostRetried,
+    HostSetAside,
+    HostStopped,
+    HostThreatened,
+    LegFlown,
+    WishLapsed,
+)
 from hsop_gcs.mission.planning import Situation, flight_rules
 from hsop_gcs.mission.whereabouts import whereabouts
 from hsop_gcs.placement.airspace import Airspace
 from hsop_gcs.placement.problem import Point
 
-Move = HostDeparted | HostStopped | HostRetried | HostSetAside | LegFlown | WishLapsed
+Move = HostDeparted | HostStopped | HostGaveWay | HostThreatened | HostRetried | HostSetAside | LegFlown | WishLapsed
 
-_TURN_AHEAD_S, _STOP_AHEAD_S = 5.0, 3.0
-"""How far ahead a flying host is watched for threats, to turn aside and, where it cannot, to stop, which takes so long;
-one that would then be nearer to a threat flies on.
-What is predicted for later will have changed by then: a host that heeded it would stop and go all the way."""
+_TURN_EARLIER_S = 2.0
+"""How much farther ahead a flying host is watched for threats to turn aside than, where it cannot, to stop or to give
+way. What is predicted for later will have changed by then: a host that heeded it would stop and go all the way."""
+_STAYS_S = 5.0
+"""So long a host that gave way has to be able to stay at its hover point, before it goes back there."""
 _SEEK_EVERY_S = 1.0
 """Between attempts to find a way for a host that waits: seeking one takes long."""
 _TURN_EVERY_S = 2.0
@@ -59,7 +73,7 @@ class Blocked:
     """What is in its way stays there."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Traffic:
     """Where everybody is and flies to."""
 
@@ -78,11 +92,18 @@ class Traffic:
             reason = self._why_lapsed(host, pending)
             if reason is not None:
                 yield WishLapsed(time_s=self.now_s, host=host, reason=reason)
-        if not self.mission.progress:
-            return
-        known = situation(self.mission, (), self.now_s)
+        known, away = self._known, set()
+        for host in self.aircraft if known.threats else ():
+            flies = host in self.mission.progress and self.mission.progress[host].flying
+            given = None if flies else self._giving_way.move(host)
+            if isinstance(given, HostGaveWay):
+                away.add(host)
+            if given is not None:
+                yield given
         for host, progress in sorted(self.mission.progress.items(), key=lambda item: item[1].rank):
             waits = progress.status is OrderStatus.WAITING
+            if host in away:
+                continue
             if self.aircraft[host].taken_over and (progress.flying or (waits and progress.departures > 0)):
                 yield self._left_alone(host)
             elif progress.flying and host in self.closed:
@@ -99,11 +120,30 @@ class Traffic:
                 if (progress.departures == 0 or self._calm(progress)) and self._may_seek(host, progress):
                     yield self._departure(host, progress, known)
             elif progress.flying:
-                move = self._watched(host, progress, known) or self._next_leg(host, progress)
+                move = self._watched(host, progress, known) or self._giving_way.move(host, progress.ahead_m)
+                if isinstance(move, HostThreatened):
+                    yield move
+                    move = None
+                move = move or self._next_leg(host, progress)
                 if move is not None:
                     yield move
             elif progress.status is OrderStatus.FAILED and self._current(progress):
                 yield self._after_failure(host, progress)
+
+    @cached_property
+    def _known(self) -> Situation:
+        return situation(self.mission, (), self.now_s)
+
+    @cached_property
+    def _giving_way(self) -> GivingWay:
+        return GivingWay(
+            mission=self.mission, aircraft=self.aircraft, limits=self.limits, now_s=self.now_s, known=self._known
+        )
+
+    @property
+    def _stop_ahead_s(self) -> float:
+        """So long before a host would come too near to a threat it has to brake, or to turn away."""
+        return REACTION_S + self.limits.speed_mps / ACCELERATION_MPS2 / 2
 
     def _why_lapsed(self, host: str, pending: Pending) -> str | None:
         """Why a wish that was not confirmed is not to be ordered again."""
@@ -117,6 +157,8 @@ class Traffic:
     def _stuck(self, host: str, progress: OrderProgress) -> bool:
         """Whether nothing keeps it back but what is in its way, since it was stopped long ago."""
         late = progress.departures > 0 and self.now_s > progress.since_s + _PATIENCE_S
+        if host in self.mission.ways_given:
+            return False
         return late and self._why_not_sent(host, progress) is None
 
     def _may_seek(self, host: str, progress: OrderProgress) -> bool:
@@ -138,11 +180,28 @@ class Traffic:
             if other_way is None:
                 return replace(blocked, reason=unsafe or f"{staying} is in its way", for_good=unsafe is None)
             route = other_way
+        back_too_early = self._why_not_back(host, route, known)
+        if back_too_early is not None:
+            return replace(blocked, reason=back_too_early)
+        carried = self._giving_way.closing_in(host, route, within_s=LOOK_S, answers_s=REACTION_S)
+        if carried is not None:
+            return replace(blocked, reason=f"brakes first: it would come too near to threat {carried.threat}")
         flight = Flight(host=host, points_m=(mover.position_m, *route))
         first = in_the_way(flight, self._going(host, progress), rules.separation_m)
         if first is not None:
             return replace(blocked, reason=f"waits for {first} to pass")
         return HostDeparted(time_s=self.now_s, host=host, route_m=route)
+
+    def _why_not_back(self, host: str, route_m: tuple[Point, ...], known: Situation) -> str | None:
+        """Why a host that gave way is not to go to its hover point yet: it would have to give way again."""
+        way = self.mission.ways_given.get(host)
+        if way is None:
+            return None
+        rules = flight_rules(self.mission.rules.planning, known.sigmas)
+        stays = why_unsafe(self._mover(host), route_m, known.threats, rules, stays_s=_STAYS_S)
+        if stays is None and self._giving_way.keeps_clear(host, route_m, for_sure=True):
+            return None
+        return f"gave way to threat {way.threat}, which is still too near to its hover point or its way there"
 
     def _why_not_sent(self, host: str, progress: OrderProgress) -> str | None:
         """Why a host's order must not be sent, as far as it is not the way's fault."""
@@ -174,14 +233,17 @@ class Traffic:
         mover, rules = self._mover(host), flight_rules(planning, known.sigmas)
         near = replace(rules, safety_distance_m=planning.safety_distance_m)
         flight = Flight(host=host, points_m=(mover.position_m, *progress.ahead_m))
-        if why_unsafe(mover, progress.ahead_m, known.threats, near, within_s=_TURN_AHEAD_S) is not None:
+        turn_ahead_s = self._stop_ahead_s + _TURN_EARLIER_S
+        closes_in = self._giving_way.closing_in(host, progress.ahead_m, within_s=self._stop_ahead_s)
+        unsafe = why_unsafe(mover, progress.ahead_m, known.threats, near, within_s=turn_ahead_s)
+        if unsafe is not None or closes_in is not None:
             may_turn = self._calm(progress) and self._why_not_sent(host, progress) is None
             other_way = self._other_way(host, progress, known) if may_turn else None
-            if other_way is not None:
+            if other_way is not None and self._giving_way.keeps_clear(host, other_way, for_sure=False):
                 around = replace(flight, points_m=(mover.position_m, *other_way))
                 if in_the_way(around, self._going(host, progress), rules.separation_m) is None:
                     return HostDeparted(time_s=self.now_s, host=host, route_m=other_way)
-            stop = self._stop(mover, progress, known, near)
+            stop = self._stop(mover, progress, known, near, closes_in)
             if stop is not None:
                 return stop
         others = chain(self._staying(host, progress), self._going(host, progress, flying_only=True))
@@ -190,14 +252,29 @@ class Traffic:
             return None
         return HostStopped(time_s=self.now_s, host=host, gate="separation", reason=f"comes too near to {other}")
 
-    def _stop(self, mover: Mover, progress: OrderProgress, known: Situation, near: FlightRules) -> HostStopped | None:
-        outside = why_unsafe(mover, progress.ahead_m, (), near, within_s=_STOP_AHEAD_S)
+    def _stop(
+        self,
+        mover: Mover,
+        progress: OrderProgress,
+        known: Situation,
+        near: FlightRules,
+        closes_in: Approach | None,
+    ) -> HostStopped | HostGaveWay | None:
+        ahead_s = self._stop_ahead_s
+        outside = why_unsafe(mover, progress.ahead_m, (), near, within_s=ahead_s)
         if outside is not None:
             return HostStopped(time_s=self.now_s, host=mover.id, gate="airspace", reason=f"its flight {outside}")
         anywhere = replace(near, airspace=Airspace())
-        unsafe = why_unsafe(mover, progress.ahead_m, known.threats, anywhere, within_s=_STOP_AHEAD_S)
-        if unsafe is not None and gains_by_staying(
-            mover, progress.ahead_m, known.threats, horizon_s=near.horizon_s, within_s=_STOP_AHEAD_S
+        unsafe = why_unsafe(mover, progress.ahead_m, known.threats, anywhere, within_s=ahead_s)
+        if closes_in is not None:
+            unsafe = unsafe or f"comes to {closes_in.distance_m:.0f} m from threat {closes_in.threat}"
+        if unsafe is None:
+            return None
+        gives_way = self._giving_way.flying(mover.id, progress.ahead_m, may_go_on=closes_in is None)
+        if gives_way is not None:
+            return gives_way
+        if closes_in is not None or gains_by_staying(
+            mover, progress.ahead_m, known.threats, horizon_s=near.horizon_s, within_s=ahead_s
         ):
             return HostStopped(time_s=self.now_s, host=mover.id, gate="threat", reason=f"its flight {unsafe}")
         return None
@@ -251,8 +328,10 @@ class Traffic:
 
     def _goes_on(self, other: str, progress: OrderProgress) -> bool:
         theirs = self.mission.progress.get(other)
-        if theirs is None or theirs.flying:
-            return theirs is not None
+        if theirs is None or other in self.mission.ways_given:
+            return False
+        if theirs.flying:
+            return True
         waits = theirs.status is OrderStatus.WAITING and theirs.rank < progress.rank
         return waits and self._current(theirs) and other not in self.closed
 

@@ -88,6 +88,7 @@ class PlanningSection(Section):
     safety_distance_m: Positive = _PLANNING.safety_distance_m
     safety_margin_m: NotNegative = _PLANNING.safety_margin_m
     min_separation_m: Positive = _PLANNING.min_separation_m
+    fence_margin_m: NotNegative = _PLANNING.fence_margin_m
     host_position_sigma_m: NotNegative = _PLANNING.host_position_sigma_m
     host_attitude_sigma_deg: Annotated[float, Field(ge=0, le=45)] = _PLANNING.host_attitude_sigma_deg
     max_views: Annotated[int, Field(ge=2)] = _PLANNING.max_views

@@ -9,6 +9,8 @@ import pytest
 
 from hsop_gcs.assignment import Departure, Flight, HostOrder, in_the_way, why_outside
 from hsop_gcs.fleet import FlightLimits
+from hsop_gcs.geometry.frames import GeodeticPoint
+from hsop_gcs.link.enums import MavType
 from hsop_gcs.link.events import Arrived, CommandFinished, Event, OrderAccepted, OrderFailed, OrderSuperseded
 from hsop_gcs.link.protocol.telemetry import VehicleState
 from hsop_gcs.mission.core import MissionState, Wish, apply, situation
@@ -47,6 +49,7 @@ from hsop_gcs.reports import Report
 NOW_S = 1000.0
 LOW = Closed(gate="battery", reason="the battery is low")
 HELD = CommandFinished(system=1, command="hold", problem=None)
+SOMEWHERE = GeodeticPoint(lat_deg=47.0, lon_deg=8.0, altitude_amsl_m=500.0)
 PLACES: dict[str, Point] = {"h1": (0.0, 0.0, 40.0), "h2": (60.0, 0.0, 40.0)}
 
 
@@ -79,7 +82,19 @@ def reported(mission: MissionState, position_m: Point, time_s: float, threat: st
 def aircraft(
     host: str, position_m: Point | None, *, obeys: bool = True, reached: str | None = None, **changes: Any
 ) -> Aircraft:
-    heard = VehicleState(system=1, link_up=True, armed=True, in_air=True, mode="Guided", position_heard_s=0.0)
+    heard = VehicleState(
+        system=1,
+        link_up=True,
+        autopilot="ardupilot",
+        type=MavType.QUADROTOR,
+        armed=True,
+        in_air=True,
+        mode="Guided",
+        position=SOMEWHERE,
+        position_heard_s=0.0,
+        heading_deg=0.0,
+        home=SOMEWHERE,
+    )
     state = replace(heard, **changes)
     return Aircraft(id=host, state=state, now_s=0.0, position_m=position_m, obeys=obeys, reached=reached)
 
