@@ -1,7 +1,6 @@
 """Damaged journals: what is in them is told, and what can be read of them is saved."""
 
 import json
-import subprocess
 import sys
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from hsop_gcs.cli import main
 from hsop_gcs.errors import BadInput, Unavailable
 from hsop_gcs.journal import GIVEN_UP, SNAPSHOT, Journal, read
 from hsop_gcs.journal.check import check
@@ -118,27 +118,31 @@ def test_whatever_happens_to_a_file_its_repair_is_sound_and_a_service_starts_fro
         assert len(told) >= 20 - 1 - cut
 
 
-def command(*options: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "hsop_gcs", "journal", *options], capture_output=True, text=True)
+def command(monkeypatch: pytest.MonkeyPatch, *options: str) -> int:
+    """The exit code of a command line."""
+    monkeypatch.setattr(sys, "argv", ["hsop-gcs", "journal", *options])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    return int(ended.value.code or 0)
 
 
-def test_the_commands_tell_by_their_exit_codes(tmp_path: Path) -> None:
+def test_the_commands_tell_by_their_exit_codes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "mission.journal"
     fill(path)
-    sound = command("check", str(path))
-    assert (sound.returncode, sound.stderr) == (0, "")
-    assert "format 2, sound" in sound.stdout
-    assert max(map(len, sound.stdout.splitlines())) <= 100
+    assert command(monkeypatch, "check", str(path)) == 0
+    told = capsys.readouterr().out
+    assert "format 2, sound" in told
+    assert max(map(len, told.splitlines())) <= 100
     damage(path, 4)
-    damaged = command("check", "--json", str(path))
-    assert damaged.returncode == 1
-    assert json.loads(damaged.stdout)["damages"][0]["line"] == 4
-    repaired = command("repair", str(path))
-    assert repaired.returncode == 0
-    assert f"is {path}.repaired; {path} is as it was" in repaired.stdout
-    assert command("check", f"{path}.repaired").returncode == 0
+    assert command(monkeypatch, "check", "--json", str(path)) == 1
+    assert json.loads(capsys.readouterr().out)["damages"][0]["line"] == 4
+    assert command(monkeypatch, "repair", str(path)) == 0
+    assert f"is {path}.repaired; {path} is as it was" in capsys.readouterr().out
+    assert command(monkeypatch, "check", f"{path}.repaired") == 0
+    capsys.readouterr()
+    (tmp_path / "old").write_text('{"n":1,"t":0}\n')
     for bad in (tmp_path / "none", tmp_path / "old"):
-        (tmp_path / "old").write_text('{"n":1,"t":0}\n')
-        refused = command("check", str(bad))
-        assert refused.returncode == 2
-        assert len(refused.stderr.splitlines()) == 1
+        assert command(monkeypatch, "check", str(bad)) == 2
+        assert len(capsys.readouterr().err.splitlines()) == 1

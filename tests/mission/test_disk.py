@@ -12,7 +12,7 @@ import pytest
 
 from hsop_gcs.disk import DiskWatch
 from hsop_gcs.errors import Unavailable
-from hsop_gcs.journal import GIVEN_UP, Journal, read
+from hsop_gcs.journal import GIVEN_UP, SNAPSHOT, Journal, read
 from hsop_gcs.link.events import CommandFinished
 from hsop_gcs.mission.controller import Mission
 from hsop_gcs.mission.inputs import HostsHeld, HostStopped
@@ -50,7 +50,7 @@ def at(time_s: float, moment: Moment) -> bool:
 def test_a_battery_under_its_reserve_stops_its_host_within_a_second_whatever_the_disk_says(tmp_path: Path) -> None:
     disk = Disk()
     low_since_s: dict[str, float] = {}
-    problems = {6.0: errno.ENOSPC, 8.0: errno.EIO, 9.0: errno.EDQUOT, 10.0: errno.EROFS}
+    problems = {4.5: errno.ENOSPC, 5.0: errno.EIO, 5.5: errno.EDQUOT, 6.0: errno.EROFS}
     with Journal(tmp_path / "journal", write=disk.write) as journal:
 
         def watch(moment: Moment) -> None:
@@ -61,21 +61,21 @@ def test_a_battery_under_its_reserve_stops_its_host_within_a_second_whatever_the
                 if percent is not None and percent < 20:
                     low_since_s.setdefault(host.id, mission.clock())
 
-        battery = BatteryConfig(percent=20.9, endurance_s=1000.0)
-        mission = flown(watch, duration_s=20.0, hosts=3, battery=battery, journal=journal)
+        battery = BatteryConfig(percent=20.55, endurance_s=1000.0)
+        mission = flown(watch, duration_s=10.0, hosts=3, battery=battery, journal=journal)
         assert "kept in memory" in (journal.status.fault or "")
         assert kinds(mission).count("JournalFailed") == 1
         stops = {each.event.host: each for each in mission.events if isinstance(each.event, HostStopped)}
         assert sorted(stops) == ["h1", "h2"]
         for host, stop in stops.items():
             assert stop.time_s - low_since_s[host] < 1.0
-        assert mission.reports_accepted > 10
+        assert mission.reports_accepted > 5
         disk.problem = None
     with resumed(tmp_path / "journal") as (_, recovered):
         assert recovered == mission.state
 
 
-def held_on_a_full_disk(path: Path, disk: Disk, *, backlog_bytes: int = 1_000_000) -> Mission:
+def held_on_a_full_disk(path: Path, disk: Disk, *, backlog_bytes: int) -> Mission:
     """Fly on a disk that is full from one time on, hold everybody, and have space again."""
     sent: list[int] = []
     with Journal(path, write=disk.write, backlog_bytes=backlog_bytes) as journal:
@@ -105,24 +105,19 @@ def held_on_a_full_disk(path: Path, disk: Disk, *, backlog_bytes: int = 1_000_00
 
 
 def test_a_hold_on_a_full_disk_stays_held_when_space_is_back_and_after_a_restart(tmp_path: Path) -> None:
+    # with so little room in memory that reports are given up, too: that is told, and the hold is not among them
     path = tmp_path / "journal"
-    ended = held_on_a_full_disk(path, Disk())
+    ended = held_on_a_full_disk(path, Disk(), backlog_bytes=12_000)
+    kinds_kept = [entry.kind for entry in read(path)]
+    assert kinds_kept.count(GIVEN_UP) == 1
+    after = kinds_kept[kinds_kept.index(GIVEN_UP) :]
+    assert after.index(HostsHeld.__name__) < after.index(SNAPSHOT)
+    assert replay(path, to_s=0.0, jobs=1).given_up > 0
     with resumed(path) as (journal, recovered):
-        assert recovered == ended.state
+        assert recovered == ended.state, "the mission that was saved behind the gap makes it exact again"
         again = flown(lambda _moment: None, duration_s=5.0, hosts=3, recovered=recovered, journal=journal)
     assert again.state.held
     assert "HostDeparted" not in kinds(again)
-
-
-def test_what_has_no_room_in_memory_either_is_told_and_a_hold_is_not_among_it(tmp_path: Path) -> None:
-    path = tmp_path / "journal"
-    held_on_a_full_disk(path, Disk(), backlog_bytes=12_000)
-    kinds_kept = [entry.kind for entry in read(path)]
-    assert kinds_kept.count(GIVEN_UP) == 1
-    assert HostsHeld.__name__ in kinds_kept[kinds_kept.index(GIVEN_UP) :]
-    with resumed(path) as (_, recovered):
-        assert recovered.held
-    assert replay(path, to_s=0.0, jobs=1).given_up > 0
 
 
 def test_a_write_that_takes_for_ever_holds_the_mission_up_once_and_for_a_moment(tmp_path: Path) -> None:
