@@ -50,7 +50,7 @@ def at(time_s: float, moment: Moment) -> bool:
 def test_a_battery_under_its_reserve_stops_its_host_within_a_second_whatever_the_disk_says(tmp_path: Path) -> None:
     disk = Disk()
     low_since_s: dict[str, float] = {}
-    problems = {4.5: errno.ENOSPC, 5.0: errno.EIO, 5.5: errno.EDQUOT, 6.0: errno.EROFS}
+    problems = {6.0: errno.ENOSPC, 6.5: errno.EIO, 7.0: errno.EDQUOT, 7.5: errno.EROFS}
     with Journal(tmp_path / "journal", write=disk.write) as journal:
 
         def watch(moment: Moment) -> None:
@@ -61,8 +61,8 @@ def test_a_battery_under_its_reserve_stops_its_host_within_a_second_whatever_the
                 if percent is not None and percent < 20:
                     low_since_s.setdefault(host.id, mission.clock())
 
-        battery = BatteryConfig(percent=20.55, endurance_s=1000.0)
-        mission = flown(watch, duration_s=10.0, hosts=3, battery=battery, journal=journal)
+        battery = BatteryConfig(percent=19.8, endurance_s=1000.0)
+        mission = flown(watch, duration_s=11.0, hosts=3, battery=battery, journal=journal)
         assert "kept in memory" in (journal.status.fault or "")
         assert kinds(mission).count("JournalFailed") == 1
         stops = {each.event.host: each for each in mission.events if isinstance(each.event, HostStopped)}
