@@ -23,7 +23,7 @@ class Bounds:
     """Open at the same time. One more closes the one that has waited for its client longest."""
     connections_per_address: int = 64
     """The same for one address."""
-    connections_at_once: int = 32
+    connections_at_once: int = 16
     """Accepted before anything else has its turn again."""
     url_bytes: int = 8_192
     head_bytes: int = 32_768
@@ -59,7 +59,7 @@ class Bounds:
     """Holds and recalls of one address; what else it asks for does not count."""
     refusal_delay_s: float = 0.25
     """How long the answer waits that there were too many requests."""
-    working_per_address: int = 4
+    working_per_address: int = 2
     """Requests of one address that are worked on by turns; the others wait in line."""
 
 

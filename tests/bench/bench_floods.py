@@ -1,6 +1,6 @@
 """Floods against a real service while another client goes on: how long that one waits, and what memory is left of it.
 
-python -m tests.bench.bench_floods [ADDRESS]
+python -m tests.bench.bench_floods [ADDRESS [FLOOD ...]]
 
 ADDRESS: where the floods come from, 127.0.0.2 by default; the other client is at 127.0.0.1.
 """
@@ -102,7 +102,7 @@ class Flood:
             return json.dumps([report(f"flood-{number}", source="flood") for number in range(1000)]).encode()
 
         for _ in range(3):
-            await asyncio.gather(*[self.post(b"reports", body()) for _ in range(20)])
+            await asyncio.gather(*[self.post(b"reports", body(), wait_s=5) for _ in range(20)])
 
     async def json_of_all_kinds(self) -> None:
         bodies = [b"[" + b"{}," * 330_000 + b"{}]", b"[" + b"[[]]," * 190_000 + b"1]", b"[" * 900_000]
@@ -137,10 +137,11 @@ FLOODS: list[Callable[[Flood], Awaitable[None]]] = [
 ]
 
 
-def go_on(port: int, over: SyncEvent, told: Connection) -> None:
+def go_on(port: int, begun: SyncEvent, over: SyncEvent, told: Connection) -> None:
     """Another client, in a process of its own: it reports, looks and holds, each on a new connection."""
     waits_s: list[float] = []
     failed: list[str] = []
+    begun.set()
     while not over.is_set():
         began = time.perf_counter()
         try:
@@ -176,11 +177,12 @@ def measured(
     assert port is not None
     before = service.usage().resident_mib
     processes = get_context("spawn")
-    over, (ours, theirs) = processes.Event(), processes.Pipe()
-    other = processes.Process(target=go_on, args=(port, over, theirs), daemon=True)
+    begun, over, (ours, theirs) = processes.Event(), processes.Event(), processes.Pipe()
+    other = processes.Process(target=go_on, args=(port, begun, over, theirs), daemon=True)
     other.start()
-    time.sleep(1.5)
+    begun.wait()
     asyncio.run(flood_of(flood, Flood(address, port)))
+    time.sleep(0.5)
     over.set()
     waits_s, failed = ours.recv()
     other.join()
@@ -195,6 +197,7 @@ async def flood_of(flood: Callable[[Flood], Awaitable[None]], crowd: Flood) -> N
 
 def main() -> None:
     address = sys.argv[1] if len(sys.argv) > 1 else "127.0.0.2"
+    chosen = [getattr(Flood, name) for name in sys.argv[2:]] or FLOODS
     with tempfile.TemporaryDirectory(prefix="hsop-gcs-floods-") as folder:
         config = Path(folder, "fleet.toml")
         config.write_text(
@@ -203,7 +206,7 @@ def main() -> None:
             '[[hosts]]\nid = "h1"\nsystem_id = 1\nconnection = "udpin:127.0.0.1:0"\n'
         )
         with running(config, Path(folder, "service.log")) as service:
-            for flood in [Flood.names, *FLOODS]:  # the first time is for what every process comes to hold once
+            for flood in [Flood.names, *chosen]:  # the first time is for what every process comes to hold once
                 p99_s, longest_s, left_mib, failed = measured(service, flood, address)
                 kept = p99_s < LIMIT_S and left_mib < LIMIT_MIB and not failed
                 sys.stdout.write(
