@@ -418,6 +418,11 @@ class LinkHealth(BaseModel):
     faults: int
     """How often the service's own code has failed at a frame or a vehicle, which then waited for the next frame."""
     dropped_datagrams: int
+    """For which there was no room: the oldest."""
+    superseded: int
+    """States of hosts that were passed over because a newer one had come before they were read."""
+    lag_s: float
+    """By how much the service was late at worst in working off its link; 0 while it is in time."""
     send_errors: int
     strangers: list[str]
     """Systems that are heard and not in the fleet."""

@@ -264,6 +264,8 @@ def _link(link: Link) -> LinkHealth:
     return LinkHealth(
         **asdict(link.counters),
         dropped_datagrams=link.dropped_datagrams,
+        superseded=link.superseded,
+        lag_s=link.lag_s,
         send_errors=link.send_errors,
         strangers=[f"{each.system}/{each.component} at {each.peer.address}" for each in link.strangers],
     )

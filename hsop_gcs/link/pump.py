@@ -19,6 +19,7 @@ from typing import Self
 from hsop_gcs.errors import BadInput, Unavailable
 from hsop_gcs.geometry.frames import Aim
 from hsop_gcs.link.account import LinkCounters, Stranger, VehicleLink
+from hsop_gcs.link.backlog import Backlog, Lag
 from hsop_gcs.link.endpoint import Address, Peer, parse_endpoint
 from hsop_gcs.link.events import Event, VehicleFault
 from hsop_gcs.link.faults import Faults, describe, trace_of
@@ -29,7 +30,6 @@ from hsop_gcs.link.signing import Signing
 from hsop_gcs.link.transports import transport_for
 from hsop_gcs.link.vehicle import Vehicle, VehicleLimits
 
-_MOST_WAITING = 4096
 _LONGEST_SLEEP_S = 0.1
 _GATHER_S = 0.002
 _MOST_RESTARTS = 4
@@ -90,9 +90,11 @@ class Link:
         self._clock = clock
         self._on_event = on_event or self.events.put_nowait
         self._on_frame = on_frame
-        self._waiting: deque[tuple[bytes, Peer]] = deque()
+        self._backlog = Backlog()
+        self._lag = Lag()
+        self._read_until_s = 0.0
+        self._due_s: float | None = None
         self._listeners: dict[int, list[Callable[[bytes], None]]] = defaultdict(list)
-        self._dropped = 0
         self._faults = Faults()
         self._stir = asyncio.Event()
         self._pump: asyncio.Task[None] | None = None
@@ -176,6 +178,10 @@ class Link:
         if self._router.heartbeat.withheld:
             down.append("heartbeat withheld: the mission does not move")
         down += {each.problem for each in self._signing.values() if each.problem is not None}
+        if self.behind:
+            down.append(
+                f"the service is up to {self.lag_s:.1f} s behind its link: no host departs until it has caught up"
+            )
         if self._clock is not None:
             down += self._faults.problems(self.now()) + self._router.faults.problems(self.now())
         return tuple(down)
@@ -188,7 +194,26 @@ class Link:
     @property
     def dropped_datagrams(self) -> int:
         """Datagrams, or pieces of a stream, that came faster than the pump could take them."""
-        return self._dropped
+        return self._backlog.dropped
+
+    @property
+    def superseded(self) -> int:
+        """States of vehicles that were passed over because a newer one had come before they were read."""
+        return self._backlog.superseded
+
+    @property
+    def lag_s(self) -> float:
+        """By how much the pump was late at worst of late; 0 while it is in time."""
+        return self._lag.longest_s
+
+    @property
+    def behind(self) -> bool:
+        """Whether the service is so far behind its link that nothing new is to be begun."""
+        return self._lag.behind
+
+    def read_until(self) -> float:
+        """The time until which all that arrived has been read: what is not known by then has not been said."""
+        return min(self._read_until_s, self.now()) if self._due_s is not None else self.now()
 
     @property
     def send_errors(self) -> int:
@@ -277,10 +302,7 @@ class Link:
 
     def _bytes_handler(self, number: int) -> Callable[[bytes, Address], None]:
         def on_bytes(data: bytes, address: Address) -> None:
-            if len(self._waiting) >= _MOST_WAITING:
-                self._dropped += 1
-                return
-            self._waiting.append((data, Peer(number, *address)))
+            self._backlog.put(data, Peer(number, *address), self.now())
             self._stir.set()
 
         return on_bytes
@@ -308,6 +330,7 @@ class Link:
             self._turn()
             wake_at = self._router.wake_at
             pause_s = _LONGEST_SLEEP_S if wake_at is None else min(max(wake_at - self.now(), 0.0), _LONGEST_SLEEP_S)
+            self._due_s = self.now() + pause_s + _GATHER_S
             alarm = loop.call_later(pause_s, self._stir.set)
             await self._stir.wait()
             alarm.cancel()
@@ -316,12 +339,20 @@ class Link:
 
     def _turn(self) -> None:
         """Read what came, let the machines work, send what they made."""
-        while self._waiting:
-            data, peer = self._waiting.popleft()
-            for frame in self._router.receive(data, peer, self.now()):
+        now = self.now()
+        late_s = 0.0 if self._due_s is None else now - self._due_s
+        self._lag.note(max(late_s, self._backlog.age_s(now)), now)
+        for arrived in self._backlog.take(now):
+            peer = arrived.peer
+            if arrived.superseded:
+                self._router.pass_over(arrived.data, peer, arrived.at_s)
+                self._record(arrived.data)
+                continue
+            for frame in self._router.receive(arrived.data, peer, arrived.at_s):
                 self._record(frame.raw)
                 if frame.system in self._listeners and peer == self._router.peer_of(frame.system):
                     self._show(frame.system, frame.raw)
+        self._read_until_s = now
         self._router.advance(self.now())
         for peer, raw in self._router.take_outgoing():
             self._send(raw, peer)

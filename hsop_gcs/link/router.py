@@ -22,13 +22,13 @@ from collections.abc import Container, Iterable, Mapping
 
 from hsop_gcs.errors import BadInput
 from hsop_gcs.link.account import Account, LinkCounters, Sequence, Stranger, VehicleLink
-from hsop_gcs.link.codec import Decoder, DecoderCounters, Encoder, Frame, is_signed, marked_signed
+from hsop_gcs.link.codec import Decoder, DecoderCounters, Encoder, Frame, is_signed, marked_signed, message_id
 from hsop_gcs.link.endpoint import Peer
 from hsop_gcs.link.enums import MavResult
 from hsop_gcs.link.events import AddressRefused, AddressRegistered, Event
 from hsop_gcs.link.faults import Faults
 from hsop_gcs.link.identity import GROUND_STATION, Identity
-from hsop_gcs.link.messages import Message
+from hsop_gcs.link.messages import Attitude, GlobalPositionInt, Message, Unknown
 from hsop_gcs.link.passing import denial, withheld
 from hsop_gcs.link.protocol.heartbeat import OwnHeartbeat
 from hsop_gcs.link.protocol.speaker import begins_link
@@ -39,6 +39,8 @@ _MOST_PEERS = 256
 _MOST_STRANGERS = 64
 _MOST_GREETED = 16
 _GREETED_FOR_S = 3.0
+_TIMED: dict[int, type[Attitude] | type[GlobalPositionInt]] = {cls.ID: cls for cls in (Attitude, GlobalPositionInt)}
+"""Messages by whose times losses are told; see ``TimedLoss``."""
 _LOOKED_AT_AGAIN_S = 0.5
 """After a vehicle could not even say when it has something to do."""
 
@@ -122,6 +124,19 @@ class Router:
             except Exception as error:
                 self._blame(frame.system, error, now, frame=frame.raw)
         return frames
+
+    def pass_over(self, raw: bytes, peer: Peer, now: float) -> None:
+        """Count a single frame that is not worth reading any more: it came, and is no loss."""
+        system, component, sequence = raw[5], raw[6], raw[4]
+        account = self._accounts.get(system)
+        if account is None or account.peer != peer or peer.transport in self._signing:
+            return
+        lost = self._missing(peer, system, component, sequence)
+        self._lost += lost
+        account.take(lost, now)
+        kind = _TIMED.get(message_id(raw))
+        if kind is not None and component == self.vehicles[system].state.component:
+            account.timed.receive(kind(time_boot_ms=int.from_bytes(raw[10 : 10 + min(raw[1], 4)], "little")), now)
 
     def _route(self, frame: Frame, peer: Peer, now: float) -> None:
         # Somebody else under the same ids has sequence numbers of his own.
@@ -388,7 +403,9 @@ class Router:
         if frame.component == vehicle.state.component:
             account.timed.receive(frame.message, now)
         vehicle.receive(frame.message, now, component=frame.component, sequence=frame.sequence, raw=frame.raw)
-        self._moved[frame.system] = self._to_send[frame.system] = self._to_tell[frame.system] = None
+        self._to_tell[frame.system] = None
+        if not isinstance(frame.message, Unknown):  # which puts silence off, and nothing else
+            self._moved[frame.system] = self._to_send[frame.system] = None
 
     def _registers(self, frame: Frame, peer: Peer) -> bool:
         """Whether a frame from an address that is not its vehicle's makes it so; if not, it is refused."""
@@ -423,12 +440,15 @@ class Router:
         )
 
     def _missing_before(self, frame: Frame, peer: Peer) -> int:
-        key = (peer, frame.system, frame.component)
+        return self._missing(peer, frame.system, frame.component, frame.sequence)
+
+    def _missing(self, peer: Peer, system: int, component: int, number: int) -> int:
+        key = (peer, system, component)
         sequence = self._sequences.get(key)
         if sequence is not None:
-            return sequence.take(frame.sequence)
+            return sequence.take(number)
         if len(self._sequences) < _MOST_PEERS * 4:
-            self._sequences[key] = Sequence(frame.sequence)
+            self._sequences[key] = Sequence(number)
         return 0
 
     def _encode(self, message: Message, peer: Peer) -> bytes:

@@ -33,7 +33,7 @@ from hsop_gcs.link.events import (
 )
 from hsop_gcs.link.faults import Illness, describe, trace_of
 from hsop_gcs.link.identity import GROUND_STATION, Identity
-from hsop_gcs.link.messages import CommandLong, Message
+from hsop_gcs.link.messages import CommandLong, Message, Unknown
 from hsop_gcs.link.protocol.command import INSISTENT, CommandLimits, CommandSender, Outcome, Request
 from hsop_gcs.link.protocol.failsafes import Failsafes
 from hsop_gcs.link.protocol.gimbal import Gimbal, GimbalTolerances
@@ -288,8 +288,9 @@ class Vehicle:
 
         sequence: of the frame that it came in. raw: that frame, to be told if it cannot be taken.
         """
-        with self._mending(now):
-            self._raise_what_failed()
+        if self._failed is not None:
+            with self._mending(now):
+                self._raise_what_failed()
         try:
             self._take(message, now, component, sequence)
         except Exception as error:
@@ -309,6 +310,9 @@ class Vehicle:
             self._presence.receive(message, now)
             self._works = "one_aircraft"
             self._one_aircraft.receive(message, now, sequence=sequence)
+        if isinstance(message, Unknown):
+            self._note_presence(now)  # it says that the vehicle is there, and nothing that a machine reads
+            return
         self._works = "telemetry"
         self._telemetry.receive(message, now, component=component)
         self._note_presence(now)

@@ -56,7 +56,7 @@ from hsop_gcs.mission.inputs import (
     TimePassed,
     WishLapsed,
 )
-from hsop_gcs.mission.notices import Notice
+from hsop_gcs.mission.notices import Notice, ServiceBehind, ServiceCaughtUp
 from hsop_gcs.mission.planning import Situation
 from hsop_gcs.mission.poses import Poses
 from hsop_gcs.mission.refusals import Refusals
@@ -77,6 +77,7 @@ _GIMBAL_LAG_S = 0.2
 _EVENTS_KEPT = 500
 _GONE_TOLD = 10
 """Threats that leave at the same time and are logged by name."""
+_BEHIND = "the service is behind its link: what it knows of the sky is old"
 _HOSTS_AWAITED_S = 5.0
 """After a restart, how long the first question to the planner waits for hosts that had orders."""
 _TRACKER_LOADS = "the tracker's kernels are being loaded, the first time on a machine compiled"
@@ -133,6 +134,8 @@ class Mission:
         """What went wrong in the solver's process, if its last run did not end in an answer."""
         self.fault: str | None = None
         """What the supervision of what flies fails at now; our heartbeat is withheld meanwhile."""
+        self._longest_lag_s = 0.0
+        """By how much the link was late at worst since the service is behind it; 0: it is not."""
         self.events_failed = 0
         """Events of hosts that the mission has failed at."""
         self.planning_fault: str | None = None
@@ -399,7 +402,9 @@ class Mission:
             self._log(None, notice)
         if self.tracker_ready:
             self._age(now_s)
-        self._fly_unasked()
+        self._watch_lag()
+        if not self.link.behind:
+            self._fly_unasked()
         self._direct_traffic(now_s)
         self._follow_threats(now_s)
 
@@ -441,6 +446,17 @@ class Mission:
             self._log(None, stepped)
             log.warning("the system clock was set by %+.1f s; the mission's time goes on", by_s)
         return now_s
+
+    def _watch_lag(self) -> None:
+        """Tell once that the service is behind its link, and once that it has caught up."""
+        if self.link.behind:
+            if self._longest_lag_s == 0.0:
+                self._log(None, ServiceBehind(lag_s=self.link.lag_s))
+                log.warning("the service is %.1f s behind its link", self.link.lag_s)
+            self._longest_lag_s = max(self._longest_lag_s, self.link.lag_s)
+        elif self._longest_lag_s > 0.0:
+            self._log(None, ServiceCaughtUp(longest_s=self._longest_lag_s))
+            self._longest_lag_s = 0.0
 
     def _age(self, now_s: float) -> None:
         after, gone = prune(self.state.picture, now_s, self.state.rules.tracks)
@@ -488,6 +504,9 @@ class Mission:
         """Let hosts depart, fly on, turn aside, stop and try again."""
         traffic = self.sky.traffic(self.state, now_s, self._blocked)
         for given in list(traffic.moves()):
+            if isinstance(given, HostDeparted) and self.link.behind and self._waits(given.host):
+                order_id = self.state.progress[given.host].order_id
+                given = Blocked(host=given.host, order_id=order_id, time_s=now_s, reason=_BEHIND)
             if isinstance(given, Blocked):
                 self._blocked[given.host] = given
                 continue
@@ -511,6 +530,9 @@ class Mission:
                 assert plan is not None, "only hosts of the flying plan are sent"
                 self._commander.send(self.state.progress[host.id], for_s=plan.expires_at_s - now_s)
         self._commander.insist(self.state.pending, self.sky.aircraft())
+
+    def _waits(self, host: str) -> bool:
+        return self.state.progress[host].status is OrderStatus.WAITING
 
     def _fly_unasked(self) -> None:
         """In auto, let a proposal fly."""

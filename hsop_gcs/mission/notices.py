@@ -34,3 +34,18 @@ class DiskLow(Notice):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DiskRecovered(Notice):
     """There is room on the disk again."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServiceBehind(Notice):
+    """The service works off its link too late: no host departs until it has caught up; what flies is watched."""
+
+    lag_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServiceCaughtUp(Notice):
+    """The service works off its link in time again."""
+
+    longest_s: float
+    """By how much it was late at worst."""

@@ -130,7 +130,7 @@ class Sky:
         return {host_id: place for host_id, place in places.items() if place is not None}
 
     def _aircraft(self, host: Host) -> Aircraft:
-        vehicle, now_s = self._link.vehicles[host.system_id], self._link.now()
+        vehicle, now_s = self._link.vehicles[host.system_id], self._link.read_until()
         state, adapter = vehicle.state, vehicle.adapter
         position_m: Point | None = None
         if state.position is not None:
