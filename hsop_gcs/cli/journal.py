@@ -10,6 +10,7 @@ if TYPE_CHECKING:
 
     from hsop_gcs.journal.check import Contents
 
+_SEGMENTS_TOLD = 20
 _FILE = typer.Argument(help="The journal, as service.journal names it.", metavar="FILE")
 
 
@@ -34,7 +35,7 @@ def register(app: typer.Typer) -> None:
         if as_json:
             typer.echo(json.dumps(asdict(contents)))
         else:
-            Console(highlight=False, soft_wrap=True).print(_told(contents))
+            Console(highlight=False).print(_told(contents))
         return 1 if contents.damages or contents.missing_segments else 0
 
     @journal.command()
@@ -74,14 +75,17 @@ def _told(contents: "Contents") -> "RenderableType":
 
     files = Table("file", box=None, pad_edge=False)
     for name in ("MB", "entries", "numbers"):
-        files.add_column(name, justify="right")
-    for name in ("from (UTC)", "to", ""):
-        files.add_column(name)
-    for each in contents.segments:
-        note = "without raw entries" if each.kept else "snapshot" if each.begins_with_snapshot else ""
+        files.add_column(name, justify="right", no_wrap=True)
+    for name in ("from, UTC", "to", ""):
+        files.add_column(name, no_wrap=True)
+    older = contents.segments[:-_SEGMENTS_TOLD]
+    if older:
+        size = f"{sum(each.bytes for each in older) / 1e6:.1f}"
+        files.add_row(f"({len(older)} older)", size, str(sum(each.entries for each in older)))
+    for each in contents.segments[-_SEGMENTS_TOLD:]:
         numbers = f"{each.first}-{each.last}" if each.entries else "-"
-        size = f"{each.bytes / 1e6:.1f}"
-        files.add_row(each.file, size, str(each.entries), numbers, _utc(each.from_s), _utc(each.to_s)[-8:], note)
+        size, note = f"{each.bytes / 1e6:.1f}", "kept" if each.kept else ""
+        files.add_row(each.file, size, str(each.entries), numbers, _utc(each.from_s)[5:], _utc(each.to_s)[-8:], note)
     kinds = Table("kind", box=None, pad_edge=False)
     kinds.add_column("entries", justify="right")
     for kind, count in contents.kinds.items():
@@ -105,8 +109,8 @@ def _utc(time_s: float | None) -> str:
     from datetime import UTC, datetime
 
     if time_s is None:
-        return "-"
+        return " " * 5 + "-"
     try:
         return f"{datetime.fromtimestamp(time_s, UTC):%Y-%m-%d %H:%M:%S}"
     except (ValueError, OverflowError, OSError):
-        return f"{time_s:g}"
+        return f"     {time_s:g}"

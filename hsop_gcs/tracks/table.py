@@ -80,8 +80,15 @@ class Table(Mapping[str, Track]):
 
     @classmethod
     def of_packed(cls, packed: Packed) -> "Table":
-        """Return the table of plain values; what is made of it afterwards is the same to the bit."""
+        """Return the table of plain values; what is made of it afterwards is the same to the bit.
+
+        Raises ValueError for arrays that are not of the tracker's shapes.
+        """
         log = Log()
+        shapes = [(packed.facts.shape[1:], (kernels.FACTS,))]
+        shapes += [(given.shape[1:], array.shape[1:]) for given, array in zip(packed.steps, log.steps, strict=True)]
+        if any(given != wanted for given, wanted in shapes) or len(packed.facts) != len(packed.names):
+            raise ValueError("tracks of another tracker than this one")
         log.make_room(len(packed.measurements))
         for array, given in zip(log.steps, packed.steps, strict=True):
             array[: len(packed.measurements)] = given

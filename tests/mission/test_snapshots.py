@@ -3,6 +3,7 @@
 import json
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -92,6 +93,19 @@ def test_a_mission_goes_on_from_its_snapshot_as_from_itself(flight: tuple[Path, 
     assert one == other == ended
     assert written(one) == written(other)
     assert dismissed
+
+
+def test_what_a_snapshot_of_before_does_not_know_has_its_default_and_other_shapes_are_refused(
+    flight: tuple[Path, MissionState],
+) -> None:
+    _, ended = flight
+    plain = to_snapshot(ended)
+    del plain["held"]
+    assert from_snapshot(plain) == replace(ended, held=MissionState().held)
+    shape, kind, text = plain["picture"]["tracks"]["facts"]
+    plain["picture"]["tracks"]["facts"] = [[shape[0] * shape[1], 1], kind, text]
+    with pytest.raises(ValueError, match="another tracker"):
+        from_snapshot(plain)
 
 
 def test_a_start_reads_what_follows_the_newest_snapshot_and_nothing_else(
