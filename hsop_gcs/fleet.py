@@ -17,6 +17,8 @@ class Host:
     ``serial:DEVICE:BAUD``."""
     rig: CameraRig | None = None
     """None: the fleet's."""
+    remote_id: tuple[str, ...] = ()
+    """Under which ids others report it: of its Remote ID, its ADS-B transponder, a radar's list of friends."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

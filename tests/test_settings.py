@@ -35,6 +35,18 @@ def read(tmp_path: Path, text: str) -> object:
     return read_settings(path)
 
 
+def test_an_aircraft_has_its_remote_ids_to_itself(tmp_path: Path) -> None:
+    path = tmp_path / "FLEET.toml"
+    both = GOOD.replace("system_id = 1\n", 'system_id = 1\nremote_id = ["1581F 4XQ", "3C65AC"]\n')
+    path.write_text(both)
+    settings = read_settings(path)
+    assert settings.to_fleet().hosts[0].remote_id == ("1581F 4XQ", "3C65AC")
+    assert settings.to_rules().remote_ids == {"1581f4xq": "h1", "3c65ac": "h1"}
+    path.write_text(both.replace("system_id = 2\n", 'system_id = 2\nremote_id = ["3c65ac"]\n'))
+    with pytest.raises(BadInput, match="hosts 'h1' and 'h2' both have remote_id"):
+        read_settings(path)
+
+
 def test_what_is_not_said_has_the_letters_values_and_nothing_moves_unapproved(tmp_path: Path) -> None:
     path = tmp_path / "FLEET.toml"
     path.write_text(GOOD)
@@ -74,6 +86,11 @@ ceiling_m = 30.0
         (("lat_deg = 47.3977", "lat_deg = nan"), r"site\.origin\.lat_deg: .*nan"),
         (("system_id = 2", "system_id = 1"), "hosts|input: two hosts have system_id 1"),
         (('id = "h2"', 'id = "h1"'), "two hosts have id 'h1'"),
+        (
+            ("system_id = 1\n", 'system_id = 1\nremote_id = ["1581F", " 1581f "]\n'),
+            "host 'h1' has remote_id '1581F' twice",
+        ),
+        (("system_id = 1\n", 'system_id = 1\nremote_id = [" "]\n'), r"hosts\.0\.remote_id\.0: must not be blank"),
         (("udpout:127.0.0.1:14582", "tcp:127.0.0.1"), r"hosts\.1\.connection: 'tcp:127\.0\.0\.1' is none of udpin"),
         (("udpout:127.0.0.1:14582", "serial:/dev/ttyS0:9"), r"hosts\.1\.connection: baud rate 9 in .* is not 1200"),
         (("[site]", "[planning]\nhosts = 1\n[site]"), r"planning\.hosts"),

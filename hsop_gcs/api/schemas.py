@@ -218,6 +218,10 @@ class FailsafesOut(BaseModel):
 class HostOut(BaseModel):
     id: str
     system_id: int
+    remote_id: list[str]
+    """The ids under which others report it, as far as FLEET.toml says."""
+    reported: int
+    """Reports that were taken for this aircraft, and so for no threat."""
     available: bool
     unavailable_reason: str | None
     link_up: bool

@@ -84,6 +84,8 @@ def _host(host: Host, mission: Mission, aircraft: Aircraft, closed: Closed | Non
     return HostOut(
         id=host.id,
         system_id=host.system_id,
+        remote_id=list(host.remote_id),
+        reported=mission.own_reports[host.id],
         available=closed is None,
         unavailable_reason=None if closed is None else closed.reason,
         link_up=state.link_up,

@@ -19,15 +19,17 @@ from hsop_gcs.detections.candidates import meetings
 from hsop_gcs.detections.detection import Detection, Reason, Refused, Unusable
 from hsop_gcs.detections.fix import Belief, Fix, fix_of
 from hsop_gcs.detections.merging import SOURCE, merged
+from hsop_gcs.detections.own import seen_host, squared_of
 from hsop_gcs.detections.poses import PoseHistory
 from hsop_gcs.detections.ray import Ray, to_ray
 from hsop_gcs.detections.rules import DetectionRules
 from hsop_gcs.errors import BadInput
 from hsop_gcs.geometry.triangulation import Place
 from hsop_gcs.reports import Bearing, Matrix3, Measurement, Report, ReportRules, Vector3, check_time
-from hsop_gcs.tracks import Picture, Refusal, Track, TrackRules, update
+from hsop_gcs.tracks import Picture, Refusal, RefusalKind, Track, TrackRules, update
 from hsop_gcs.tracks.gate import predicted
 from hsop_gcs.tracks.history import state_before
+from hsop_gcs.tracks.own import OwnAircraft
 
 
 class Fate(StrEnum):
@@ -113,17 +115,17 @@ def assimilate(
     rays: Sequence[Ray | Refused],
     now_s: float,
     *,
-    hosts_m: Mapping[str, Vector3],
+    own: OwnAircraft,
     rules: DetectionRules,
     track_rules: TrackRules,
     clock: ReportRules,
 ) -> Assimilated:
     """Take the rays of detections that arrived together, at ``now_s``, into the picture.
 
-    hosts_m: our own aircraft, ENU metres. clock: how far a detection's time may be from ours. The same calls in the
+    own: our own aircraft. clock: how far a detection's time may be from ours. The same calls in the
     same order give the same pictures, to the bit.
     """
-    work = _Work(picture, watch, now_s, hosts_m, rules, track_rules, clock)
+    work = _Work(picture, watch, now_s, own, rules, track_rules, clock)
     usable: list[tuple[int, Ray]] = []
     for index, ray in enumerate(rays):
         refusal = ray if isinstance(ray, Refused) else work.screen(ray)
@@ -171,7 +173,7 @@ class _Work:
         picture: Picture,
         watch: Watch,
         now_s: float,
-        hosts_m: Mapping[str, Vector3],
+        own: OwnAircraft,
         rules: DetectionRules,
         track_rules: TrackRules,
         clock: ReportRules,
@@ -184,7 +186,7 @@ class _Work:
         self._recent, self._before = set(watch.recent[0]), watch.recent[1]
         if now_s - watch.recent_since_s > rules.max_age_s + clock.max_future_s:
             self._recent_since_s, self._recent, self._before = now_s, set(), watch.recent[0]
-        self._hosts_m = hosts_m
+        self._own = own
         self._now_s = now_s
         self._rules = rules
         self._track_rules = track_rules
@@ -218,8 +220,10 @@ class _Work:
         indices = [index for index, _ in sorted(moment, key=lambda each: (each[1].look, each[0]))]
         shown = associate(rays, self.picture.tracks, time_s, self._track_rules, self._rules)
         of_threat: dict[str, list[tuple[int, Ray]]] = {}
-        for index, ray, threat in zip(indices, rays, shown, strict=True):
-            if threat is Doubt.UNEXPLAINED:
+        for index, ray, threat in zip(indices, rays, map(self._not_own, rays, shown), strict=True):
+            if isinstance(threat, Refused):
+                self.refuse(index, threat)
+            elif threat is Doubt.UNEXPLAINED:
                 self.verdicts[index] = Verdict(fate=Fate.HELD)
                 self._held.append((index, ray))
             elif threat is Doubt.AMBIGUOUS:
@@ -273,6 +277,18 @@ class _Work:
         )
         return let_go(watch, self._now_s, self._rules)
 
+    def _not_own(self, ray: Ray, threat: str | Doubt) -> str | Doubt | Refused:
+        """Return what a ray shows, but for an aircraft of ours: that begins no threat, and carries none off."""
+        seen = seen_host(ray, self._own)
+        if seen is None or threat is Doubt.AMBIGUOUS:
+            return threat
+        host, squared = seen
+        if isinstance(threat, Doubt):
+            problem = f"host {host!r} lies there, as {ray.detection.source!r} sees it"
+            return Refused(reason=RefusalKind.OWN_HOST, field="host", problem=problem)
+        track = self.picture.tracks[threat]
+        return threat if squared_of(ray, track, self._track_rules) < squared else Doubt.AMBIGUOUS
+
     def _fix(self, track: Track, rays: list[Ray], time_s: float) -> Fix | None:
         if len({ray.detection.host for ray in rays}) < 2:
             return None
@@ -303,7 +319,7 @@ class _Work:
     ) -> str | None:
         """Give measurements to the tracker and its verdicts to the detections behind each; return the last's track."""
         self.picture, verdicts = update(
-            self.picture, measurements, self._now_s, self._track_rules, hosts_m=self._hosts_m, clock=self._clock
+            self.picture, measurements, self._now_s, self._track_rules, own=self._own, clock=self._clock
         )
         threat = None
         for measurement, indices, verdict in zip(measurements, members, verdicts, strict=True):

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import islice
 
-from hsop_gcs.detections import Detection, Fate, let_go, rays_of
+from hsop_gcs.detections import Detection, Fate, Ray, let_go, rays_of
 from hsop_gcs.detections import Verdict as RayVerdict
 from hsop_gcs.disk import DiskWatch
 from hsop_gcs.errors import NotKnown, Refused, Unavailable
@@ -128,6 +128,8 @@ class Mission:
         self.reports_accepted = 0
         self.reports_refused: Counter[str] = Counter()
         """Refused reports by the field that was at fault."""
+        self.own_reports: Counter[str] = Counter()
+        """Reports that were taken for an aircraft of ours, by host."""
         self.dating = Dating()
         self.refusals = Refusals()
         self.solver_fault: str | None = None
@@ -199,7 +201,8 @@ class Mission:
         self._check_tracker()
         now_s = self._keep_time()
         dated = self.dating.reports(measurements, now_s, self.state)
-        given = ReportsArrived(time_s=now_s, measurements=dated, hosts_m=self.sky.hosts_m())
+        own = self._poses.paths.beside(dated, now_s, self.state.rules.tracks)
+        given = ReportsArrived(time_s=now_s, measurements=dated, own=own)
         after, verdicts = take_reports(self.state, given)
         self.storage.record(given)
         self.state = after
@@ -209,6 +212,8 @@ class Mission:
                 self.refusals.accepted(each.source)
             elif verdict.kind in _NO_FAULT:
                 self.refuse_report(verdict.field)
+                if verdict.host is not None:
+                    self.own_reports[verdict.host] += 1
             else:
                 self.refuse_report(verdict.field, verdict.problem, source=each.source)
         self._changed.set()
@@ -223,7 +228,8 @@ class Mission:
         rules, now_s = self.state.rules, self._keep_time()
         dated = self.dating.detections(detections, now_s, self.state)
         rays = rays_of(dated, self._poses.histories, self.fleet.rigs(), rules.detections)
-        given = RaysArrived(time_s=now_s, rays=rays, hosts_m=self.sky.hosts_m())
+        seen_s = min((each.time_s for each in rays if isinstance(each, Ray)), default=now_s)
+        given = RaysArrived(time_s=now_s, rays=rays, own=self._poses.paths.all_since(seen_s, now_s))
         after, verdicts = take_rays(self.state, given)
         self.storage.record(given)
         self.state = after

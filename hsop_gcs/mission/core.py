@@ -63,6 +63,7 @@ from hsop_gcs.placement.problem import Point
 from hsop_gcs.tracks import Picture, Refusal, RefusalKind, Track, Verdict, dismiss, prune, update
 from hsop_gcs.tracks.crowd import with_room_for_sources
 from hsop_gcs.tracks.lifecycle import has_left
+from hsop_gcs.tracks.own import is_remote_id, remote_id
 
 _SENT_AGAIN = (OrderStatus.SENT, OrderStatus.ACCEPTED, OrderStatus.ARRIVED, OrderStatus.ON_STATION)
 """Orders of hosts that the link of a service does not watch when it starts again."""
@@ -218,20 +219,29 @@ def take_reports(mission: MissionState, given: ReportsArrived) -> tuple[MissionS
         for index, each in enumerate(given.measurements)
         if each.threat_id is not None and given.time_s < mission.dismissed.get((each.source, each.threat_id), 0.0)
     }
-    known, unknown = with_room_for_sources(mission.picture, given.measurements, given.time_s, mission.rules.tracks)
-    refused = {**unknown, **refused}
+    remote_ids = mission.rules.remote_ids
+    if remote_ids:
+        named = {index: each.threat_id for index, each in enumerate(given.measurements) if each.threat_id is not None}
+        refused |= {
+            index: is_remote_id(name, remote_ids[plain])
+            for index, name in named.items()
+            if (plain := remote_id(name)) in remote_ids
+        }
+    known, crowded = with_room_for_sources(mission.picture, given.measurements, given.time_s, mission.rules.tracks)
+    taken = [index for index in range(len(given.measurements)) if index not in crowded]
     picture, verdicts = update(
         known,
-        [each for index, each in enumerate(given.measurements) if index not in refused],
+        [given.measurements[index] for index in taken],
         given.time_s,
         mission.rules.tracks,
-        hosts_m=given.hosts_m,
+        own=given.own,
         clock=mission.rules.believable,
+        refused={place: refused[index] for place, index in enumerate(taken) if index in refused},
     )
     rest = iter(verdicts)
     timeline = mission.timeline.at(given.time_s)
     return replace(mission, picture=picture, timeline=timeline), tuple(
-        refused[index] if index in refused else next(rest) for index in range(len(given.measurements))
+        crowded[index] if index in crowded else next(rest) for index in range(len(given.measurements))
     )
 
 
@@ -243,7 +253,7 @@ def take_rays(mission: MissionState, given: RaysArrived) -> tuple[MissionState, 
         mission.watch,
         given.rays,
         given.time_s,
-        hosts_m=given.hosts_m,
+        own=given.own,
         rules=mission.rules.detections,
         track_rules=mission.rules.tracks,
         clock=mission.rules.reports,

@@ -11,6 +11,7 @@ from hsop_gcs.mission.state import Autonomy, ReplanRules
 from hsop_gcs.placement.problem import Point
 from hsop_gcs.reports import Measurement, ReportRules
 from hsop_gcs.tracks import TrackRules
+from hsop_gcs.tracks.own import OwnAircraft
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,6 +24,8 @@ class Rules:
     tracks: TrackRules = field(default_factory=TrackRules)
     reports: ReportRules = field(default_factory=ReportRules)
     detections: DetectionRules = field(default_factory=DetectionRules)
+    remote_ids: Mapping[str, str] = field(default_factory=dict)
+    """Which host is reported under each id (``own.remote_id``), whoever reports it and wherever."""
     attempts: int = 3
     """At one order, before its host is set aside."""
     set_aside_s: float = 60.0
@@ -67,10 +70,10 @@ class ClockStepped(Input):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportsArrived(Input):
-    """Measurements that arrived together, and where our own hosts were."""
+    """Measurements that arrived together, and where those of our own hosts were that they may be of."""
 
     measurements: tuple[Measurement, ...]
-    hosts_m: Mapping[str, Point]
+    own: OwnAircraft = field(default_factory=OwnAircraft)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +81,7 @@ class RaysArrived(Input):
     """What hosts' cameras saw, as rays, and where our own hosts were."""
 
     rays: tuple[Ray | Refused, ...]
-    hosts_m: Mapping[str, Point]
+    own: OwnAircraft = field(default_factory=OwnAircraft)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,6 +9,7 @@ from hsop_gcs.geometry.frames import LocalFrame
 from hsop_gcs.link.protocol.telemetry import VehicleState
 from hsop_gcs.link.pump import Link
 from hsop_gcs.mission.clock import MissionClock
+from hsop_gcs.mission.own_paths import OwnPaths
 
 _STEP_S = 0.025
 
@@ -22,6 +23,7 @@ class Poses:
         self.histories = {host.id: PoseHistory() for host in fleet.hosts}
         self.faults: dict[str, str] = {}
         """Hosts whose telemetry makes no pose now, and why."""
+        self.paths = OwnPaths(host.id for host in fleet.hosts)
         self._fleet = fleet
         self._frame = frame
         self._link = link
@@ -44,6 +46,8 @@ class Poses:
                     continue
                 self.faults.pop(host.id, None)
                 self.histories[host.id], seen[host.id] = after, state
+                if after.positions and after.positions is not history.positions:
+                    self.paths.note(host.id, *after.positions[-1])
             await asyncio.sleep(_STEP_S)
 
 

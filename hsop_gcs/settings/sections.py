@@ -17,6 +17,7 @@ from hsop_gcs.mission.planning import PlanningRules, TargetError
 from hsop_gcs.mission.state import Autonomy, ReplanRules
 from hsop_gcs.placement.problem import Formulation, Objective
 from hsop_gcs.tracks import ConfirmAtOnce, TrackRules
+from hsop_gcs.tracks.own import remote_id
 
 _PLANNING, _REPLANNING, _TRACKS, _LIMITS = PlanningRules(), ReplanRules(), TrackRules(), FlightLimits()
 
@@ -157,12 +158,23 @@ class SigningSection(Section):
     """Where the newest timestamp is kept. None: beside the key."""
 
 
+def _told_by(text: str) -> str:
+    if not remote_id(text):
+        raise ValueError("must not be blank")
+    return text
+
+
+RemoteId = Annotated[str, Field(max_length=64), AfterValidator(_told_by)]
+
+
 class HostSection(Section):
     id: Annotated[str, Field(min_length=1, max_length=64)]
     system_id: Annotated[int, Field(ge=1, le=250)]
     connection: Annotated[str, AfterValidator(_connection)]
     rig: str | None = None
     """Names one of ``[rigs.NAME]``; None: ``[rig]``."""
+    remote_id: tuple[RemoteId, ...] = ()
+    """The ids under which others report it, such as its Remote ID's serial number or its ADS-B address."""
     key_file: KeyFile | None = None
     """Instead of signing.key_file."""
     mavsdk_port: Annotated[int, Field(ge=1, le=65535)] | None = None

@@ -31,6 +31,7 @@ from hsop_gcs.settings.sections import (
     TracksSection,
 )
 from hsop_gcs.tracks import TrackRules
+from hsop_gcs.tracks.own import remote_id
 
 _FAR_DEG = 2.0
 """A corner so far away is a mistake, mostly latitude and longitude the wrong way round."""
@@ -62,6 +63,19 @@ class Settings(Section):
         ]
         if twice:
             raise ValueError("; ".join(twice))
+        return hosts
+
+    @field_validator("hosts")
+    @classmethod
+    def _remote_ids_unique(cls, hosts: tuple[HostSection, ...]) -> tuple[HostSection, ...]:
+        owners: dict[str, str] = {}
+        for host in hosts:
+            for each in host.remote_id:
+                before = owners.setdefault(remote_id(each), host.id)
+                if before != host.id:
+                    raise ValueError(f"hosts {before!r} and {host.id!r} both have remote_id {each!r}")
+                if [remote_id(other) for other in host.remote_id].count(remote_id(each)) > 1:
+                    raise ValueError(f"host {host.id!r} has remote_id {each!r} twice")
         return hosts
 
     @model_validator(mode="after")
@@ -163,6 +177,7 @@ class Settings(Section):
             planning=self.to_planning_rules(),
             tracks=TrackRules(**self.tracks.model_dump()),
             replanning=ReplanRules(departure_m=self.planning.departure_m),
+            remote_ids={remote_id(each): host.id for host in self.hosts for each in host.remote_id},
         )
 
 

@@ -14,9 +14,10 @@ import numpy as np
 from hsop_gcs.reports import Bearing, Measurement, Report
 from hsop_gcs.tracks import kernels
 from hsop_gcs.tracks.filter import FloatArray
-from hsop_gcs.tracks.gate import distances, gate, impossible
+from hsop_gcs.tracks.gate import distances, gate, impossible, predicted
 from hsop_gcs.tracks.history import can_take, state_before, step_before
 from hsop_gcs.tracks.kernels import FORBIDDEN
+from hsop_gcs.tracks.own import Suspicion
 from hsop_gcs.tracks.rules import TrackRules
 from hsop_gcs.tracks.sources import Refusal, RefusalKind
 from hsop_gcs.tracks.table import Table
@@ -39,20 +40,31 @@ def associate(
     scan: Sequence[Measurement],
     rows: FloatArray,
     hinted: Mapping[int, int],
-    suspects: Mapping[int, Refusal],
+    suspects: Mapping[int, Suspicion],
     rules: TrackRules,
 ) -> Association:
     """Give each measurement of a scan to at most one track, and each track at most one measurement.
 
-    ``rows``: of the scan. ``hinted``: see ``hints``. ``suspects``: measurements that are refused unless they bear a
-    known threat's id and lie in its gate.
+    ``rows``: of the scan. ``hinted``: see ``hints``. ``suspects``: measurements that may be of a host of ours. They
+    begin no track, and are refused unless they are of one: by their id, or, without an id, because they lie likelier at
+    the threat than at the host, or because the track may be that host itself.
     """
-    found = Association(refusals={index: refusal for index, refusal in suspects.items() if index not in hinted})
+    found = Association(
+        refusals={
+            index: each.refusal
+            for index, each in suspects.items()
+            if index not in hinted and scan[index].threat_id is not None
+        }
+    )
     if hinted:
-        _follow_hints(table, scan, rows, hinted, suspects, rules, found)
+        _follow_hints(table, scan, rows, hinted, rules, found)
     free = [index for index in range(len(scan)) if index not in found.tracks and index not in found.refusals]
     if free:
-        _add_nearest(table, scan, rows, free, {index: hinted[index] for index in found.released}, rules, found)
+        barred = {index: hinted[index] for index in found.released}
+        _add_nearest(table, scan, rows, free, barred, suspects, rules, found)
+    for index, each in suspects.items():
+        if index not in found.tracks:
+            found.refusals.setdefault(index, each.refusal)
     return found
 
 
@@ -61,7 +73,6 @@ def _follow_hints(
     scan: Sequence[Measurement],
     rows: FloatArray,
     hinted: Mapping[int, int],
-    suspects: Mapping[int, Refusal],
     rules: TrackRules,
     found: Association,
 ) -> None:
@@ -79,9 +90,7 @@ def _follow_hints(
     open_ = [index for index in hinted if index not in found.refusals]
     for index, distance in zip(open_, _distances(table, scan, rows, steps, open_, rules), strict=True):
         measurement, row = scan[index], hinted[index]
-        if index in suspects and distance > gate(measurement, rules):
-            found.refusals[index] = suspects[index]
-        elif distance < impossible(measurement, rules):
+        if distance < impossible(measurement, rules):
             found.tracks[index] = row
         elif isinstance(measurement, Bearing) or _is_held_by_others(track := table.track(row), measurement, rules):
             found.released.add(index)
@@ -139,6 +148,7 @@ def _add_nearest(
     rows: FloatArray,
     free: Sequence[int],
     barred: Mapping[int, int],
+    suspects: Mapping[int, Suspicion],
     rules: TrackRules,
     found: Association,
 ) -> None:
@@ -157,6 +167,11 @@ def _add_nearest(
             doubts |= {(number, row) for row in range(len(table)) if cost[number, row] < FORBIDDEN}
     if found.tracks:
         cost[:, list(found.tracks.values())] = FORBIDDEN
+    for number, index in enumerate(free):
+        if index in suspects:
+            for row in np.nonzero(cost[number, : len(table.names)] < FORBIDDEN)[0].tolist():
+                if not _outweighs(table, row, scan[index], suspects[index], rules):
+                    cost[number, row] = FORBIDDEN
     # looked up once for all pairs they are in: where every track lies in every gate, the pairs are very many
     told: dict[int, list[Measurement]] = {}
     from_s = min(scan[index].time_s for index in free) - rules.scan_s
@@ -186,6 +201,20 @@ def _add_nearest(
             found.refusals[index] = Refusal(
                 RefusalKind.UNEXPLAINED, "direction", f"no known threat lies there, as {bearing.source!r} sees it"
             )
+
+
+def _outweighs(table: Table, row: int, measurement: Measurement, suspicion: Suspicion, rules: TrackRules) -> bool:
+    """Whether a measurement that may be of a host of ours is likelier of a track, or that track may be the host."""
+    assert isinstance(measurement, Report), "a bearing is of no host"
+    name, state = table.names[row], table.log.state(int(table.facts[row, kernels.NEWEST]))
+    if suspicion.host in name.not_apart:
+        return True
+    mean, covariance = predicted([state], [measurement.time_s], rules)
+    sigma_m = rules.default_sigma_m if measurement.sigma_m is None else measurement.sigma_m
+    noise = np.eye(3) * sigma_m**2 if measurement.covariance_m2 is None else np.array(measurement.covariance_m2)
+    spread, off_m = covariance[0, :3, :3] + noise, mean[0, :3] - np.array(measurement.position_m)
+    cost = float(off_m @ np.linalg.solve(spread, off_m)) + float(np.linalg.slogdet(spread)[1])
+    return cost < suspicion.cost
 
 
 def _costs(table: Table, bearing: Bearing, rules: TrackRules) -> FloatArray:

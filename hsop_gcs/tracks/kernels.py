@@ -26,7 +26,7 @@ next reports, or 0; that part of the step's covariance, of this report or an ear
 NEWEST, STATUS, VELOCITY_KNOWN, SIZE_M, REPORTS, FIRST_SEEN, FACTS = 0, 1, 2, 3, 4, 5, 6
 """Where a track's facts have its newest step, its status and what ``Track`` says of it; and how many they are."""
 PSD, SCAN, COASTS_AFTER, TIMEOUT, TENTATIVE_TIMEOUT, KNOWN_VARIANCE, HITS, SLOTS, SLOT = range(9)
-FIRST_VELOCITY, FIRST_CLIMB, FIRST_SIZE, POSITION_LIMIT, VELOCITY_LIMIT, NEAR_HOST, RULES = range(9, 16)
+FIRST_VELOCITY, FIRST_CLIMB, FIRST_SIZE, POSITION_LIMIT, VELOCITY_LIMIT, RULES = range(9, 15)
 """Where ``measured.numbers_of`` puts what the kernels need of the rules; and how many they are."""
 TENTATIVE, CONFIRMED, COASTING, GONE = 0, 1, 2, 3
 FORBIDDEN = 1e9

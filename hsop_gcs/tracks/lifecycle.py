@@ -52,7 +52,6 @@ def take(
     rows: FloatArray,
     hinted: Mapping[int, int],
     *,
-    hosts_m: FloatArray,
     clock: ReportRules,
     now_s: float,
 ) -> list[int]:
@@ -73,7 +72,6 @@ def take(
         rows,
         tracks,
         end,
-        hosts_m,
         now_s,
         clock.max_future_s,
         clock.max_age_s,

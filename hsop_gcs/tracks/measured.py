@@ -16,9 +16,6 @@ from hsop_gcs.tracks.rules import ConfirmAtOnce, TrackRules
 _put_position = struct.Struct(f"{kernels.MEASURED + 3}d").pack_into
 """The first numbers of a row, which many reports have alone; faster than an array made of a list."""
 
-_MARGIN_M = 0.001
-"""Whatever may lie at a host is looked at by ``screen``, which decides to the bit."""
-
 
 @lru_cache(maxsize=8)
 def numbers_of(rules: TrackRules) -> FloatArray:
@@ -39,7 +36,6 @@ def numbers_of(rules: TrackRules) -> FloatArray:
             rules.default_size_m,
             impossible_of(3, rules),
             impossible_of(6, rules),
-            rules.max_host_radius_m + _MARGIN_M,
         ]
     )
 

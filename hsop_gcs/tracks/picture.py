@@ -7,19 +7,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hsop_gcs.reports import Measurement, Report, ReportRules, Vector3
+from hsop_gcs.reports import Measurement, Report, ReportRules
+from hsop_gcs.tracks import kernels
 from hsop_gcs.tracks.associate import associate, hints
 from hsop_gcs.tracks.filter import FloatArray
 from hsop_gcs.tracks.lifecycle import aged, bind, release, take, tell, unknown
 from hsop_gcs.tracks.measured import rows_of
+from hsop_gcs.tracks.own import NO_OWN, OwnAircraft, Suspicion, hosts_it_may_be, suspicion
 from hsop_gcs.tracks.rules import TrackRules
-from hsop_gcs.tracks.screen import on_own_host, refusal_of
+from hsop_gcs.tracks.screen import refusal_of
 from hsop_gcs.tracks.sources import Refusal, RefusalKind, Tally, Watches
 from hsop_gcs.tracks.table import Name, Table
 from hsop_gcs.tracks.track import Binding, Track
 
-NO_HOSTS: Mapping[str, Vector3] = MappingProxyType({})
-_NO_PLACES = np.empty((0, 3))
+_NOTHING: Mapping[int, Refusal] = MappingProxyType({})
 _CLOCK = ReportRules()
 _NO_SCAN: tuple[list[int], float, set[str | None]] = ([], -math.inf, set())
 
@@ -43,19 +44,21 @@ def update(
     now_s: float,
     rules: TrackRules,
     *,
-    hosts_m: Mapping[str, Vector3] = NO_HOSTS,
+    own: OwnAircraft = NO_OWN,
     clock: ReportRules = _CLOCK,
+    refused: Mapping[int, Refusal] = _NOTHING,
 ) -> tuple[Picture, tuple[Verdict, ...]]:
     """Return the picture with the measurements in it, and a verdict on each, in their order.
 
     Those that arrive together are judged together: of one source's scan each is of another threat. ``now_s``: when
-    they arrived, seconds since the Unix epoch. ``hosts_m``: our own aircraft, ENU metres. ``clock``: how far a
-    source's time may be from ours. The same calls in the same order give the same pictures, to the bit.
+    they arrived, on the clock of their times. ``own``: our own aircraft. ``clock``: how far a source's time may be from
+    ours. ``refused``: those that are refused already, by their index. The same calls in the same order give the same
+    pictures, to the bit.
     """
-    work = _Work(picture, measurements, now_s, rules, hosts_m, clock)
+    work = _Work(picture, measurements, now_s, rules, own, clock)
     everything = range(len(measurements))
-    if not (work.is_simple() and work.take(everything)):
-        work.screen()
+    if refused or work.suspects_hosts() or not (work.is_simple() and work.take(everything)):
+        work.screen(refused)
         for scan in _scans(measurements, [index for index in everything if index not in work.verdicts], rules):
             if not work.take(scan):
                 work.weigh(scan)
@@ -91,7 +94,7 @@ class _Work:
         measurements: Sequence[Measurement],
         now_s: float,
         rules: TrackRules,
-        hosts_m: Mapping[str, Vector3],
+        own: OwnAircraft,
         clock: ReportRules,
     ) -> None:
         self.verdicts: dict[int, Verdict] = {}
@@ -99,10 +102,12 @@ class _Work:
         self._sources = picture.sources
         self._named = picture.named
         self._measurements = measurements
-        self._suspects: dict[int, Refusal] = {}
+        self._suspects: dict[int, Suspicion] = {}
         self._now_s, self._rules = now_s, rules
-        self._hosts_m, self._clock = hosts_m, clock
-        self._places_m = np.array(list(hosts_m.values())) if hosts_m else _NO_PLACES
+        self._own, self._clock = own, clock
+        self._unheard = frozenset(own.unheard)
+        self._ours: set[str] = set()
+        """Tracks that have turned out to be aircraft of ours."""
         self._tallies: dict[str, Tally] = {}
         self._any_id = False
         for each in measurements:
@@ -114,6 +119,9 @@ class _Work:
 
     def picture(self) -> Picture:
         heard = {source: tally.watch() for source, tally in self._tallies.items()}
+        if self._ours:
+            left = [row for row, name in enumerate(self._table.names) if name.id not in self._ours]
+            self._table = self._table.without(self._ours, self._table.facts[left])
         return Picture(self._table, MappingProxyType({**self._sources, **heard}), self._named)
 
     def is_simple(self) -> bool:
@@ -123,14 +131,22 @@ class _Work:
         ids = [each.threat_id for each in self._measurements if each.threat_id is not None]
         return len(self._tallies) == 1 and len(set(ids)) == len(ids)
 
-    def screen(self) -> None:
+    def suspects_hosts(self) -> bool:
+        """Whether a measurement may be of a host of ours, or needs to be screened before that can be said."""
+        return bool(self._own.paths) and any(
+            isinstance(each, Report)
+            and (each.covariance_m2 is not None or suspicion(each, self._now_s, self._rules, self._own) is not None)
+            for each in self._measurements
+        )
+
+    def screen(self, refused: Mapping[int, Refusal]) -> None:
         """Refuse what needs no track to be refused."""
         # most scans repeat no place, and hashing whole reports takes long
         places = {each.position_m if isinstance(each, Report) else each.direction for each in self._measurements}
         repeated = len(places) < len(self._measurements)
         seen: set[Measurement] = set()
         for index, each in enumerate(self._measurements):
-            refusal = refusal_of(each, self._now_s, self._clock)
+            refusal = refused.get(index) or refusal_of(each, self._now_s, self._clock)
             if repeated:
                 if refusal is None and each in seen:
                     problem = f"{each.source!r} has sent the same report twice"
@@ -138,20 +154,22 @@ class _Work:
                 seen.add(each)
             if refusal is not None:
                 self._refuse(index, refusal)
-            elif self._hosts_m and (suspicion := on_own_host(each, self._rules, self._hosts_m)) is not None:
-                self._suspects[index] = suspicion
+            elif (suspect := suspicion(each, self._now_s, self._rules, self._own)) is not None:
+                self._suspects[index] = suspect
 
     def take(self, scan: Sequence[int]) -> bool:
         """Give the reports of one scan to the tracks nearest to them and begin the new ones.
 
         False, and nothing is done, if they must be screened or weighed.
         """
+        if self._suspects and any(index in self._suspects for index in scan):
+            return False
         known = len(self._table.names)
         if known + len(scan) > self._rules.max_tracks:
             return False
         chosen = [self._measurements[index] for index in scan]
         rows, hinted = rows_of(chosen, self._rules), hints(self._table, chosen) if self._any_id else {}
-        tracks = take(self._table, chosen, rows, hinted, hosts_m=self._places_m, clock=self._clock, now_s=self._now_s)
+        tracks = take(self._table, chosen, rows, hinted, clock=self._clock, now_s=self._now_s)
         if not tracks:
             return False
         if len(self._table.facts) > known:
@@ -198,7 +216,24 @@ class _Work:
         names = self._table.names
         for index, row in zip(indices, tracks, strict=True):
             self.verdicts[index] = names[row].id
+            if names[row].not_apart and isinstance(self._measurements[index], Report):
+                self._tell_apart(row)
         self._tallies[self._measurements[indices[0]].source].accepted += len(indices)
+
+    def _tell_apart(self, row: int) -> None:
+        """After a report a track is apart from all hosts that are heard elsewhere. What may be one of those that are
+        heard is not confirmed, and once it surely is one, it is no threat.
+        """
+        state, names = self._table.log.state(int(self._table.facts[row, kernels.NEWEST])), list(self._table.names)
+        beside = hosts_it_may_be(state, self._now_s, self._rules, self._own)
+        not_apart = names[row].not_apart & self._unheard.union(beside)
+        names[row] = names[row]._replace(not_apart=not_apart)
+        self._table.names = tuple(names)
+        suspected = not_apart.intersection(beside)
+        if suspected:
+            self._table.facts[row, kernels.STATUS] = kernels.TENTATIVE
+        if any(beside[host] for host in suspected):
+            self._ours.add(names[row].id)
 
     def _christen(self, reports: Sequence[Measurement]) -> None:
         """Name the newest tracks, whose first reports these are."""
@@ -206,7 +241,8 @@ class _Work:
         for each in reports:
             assert isinstance(each, Report), "an unexplained bearing is refused"
             name = self._name(each, names)
-            names[name] = Name(name, each.source, each.threat_id)
+            may_be = self._unheard.union(self._own.paths)
+            names[name] = Name(name, each.source, each.threat_id, not_apart=may_be)
         self._table.add(list(names.values()))
 
     def _refuse(self, index: int, refusal: Refusal) -> None:

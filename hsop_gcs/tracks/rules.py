@@ -60,10 +60,15 @@ class TrackRules:
     confirm_at_once: ConfirmAtOnce = ConfirmAtOnce.ID
 
     host_radius_m: float = 5.0
-    """A report this near to a host of our own, or within twice its sigma, is of that host, unless it bears a known
-    threat's id and lies in its gate: a threat that passes a host does not vanish."""
+    """A report this near to a host of our own, or within twice its sigma, is of that host, unless it is surely of a
+    threat that was seen apart from the host before: a threat that passes a host does not vanish."""
     max_host_radius_m: float = 10.0
     """However coarse a report is: a threat beside a host must not be hidden by it."""
+    host_doubt_m: float = 40.0
+    """Farther from all hosts than this a track is of none of them, however coarse it is. What may be a host of ours is
+    not confirmed."""
+    host_lag_s: float = 2.5
+    """How old what a source saw may be when it arrives, whatever its time says: so long ago a host's place counts."""
     source_memory_s: float = 600.0
     """A source silent for this long is no longer shown."""
     max_tracks: int = 500

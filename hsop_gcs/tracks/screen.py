@@ -1,11 +1,9 @@
 """What a measurement is refused for before any track is looked at."""
 
 import math
-from collections.abc import Mapping
 
 from hsop_gcs.errors import BadInput
 from hsop_gcs.reports import Bearing, Matrix3, Measurement, Report, ReportRules, Vector3, check_time
-from hsop_gcs.tracks.rules import TrackRules
 from hsop_gcs.tracks.sources import Refusal, RefusalKind
 
 
@@ -16,21 +14,6 @@ def refusal_of(measurement: Measurement, now_s: float, clock: ReportRules) -> Re
     except BadInput as error:
         return Refusal(RefusalKind.CLOCK, error.field, error.problem)
     return _no_bearing(measurement) if isinstance(measurement, Bearing) else _no_position(measurement)
-
-
-def on_own_host(measurement: Measurement, rules: TrackRules, hosts_m: Mapping[str, Vector3]) -> Refusal | None:
-    """Return why a position is suspected to be that of a host of ours; None if it is not."""
-    if isinstance(measurement, Bearing) or not hosts_m:
-        return None
-    sigma_m = rules.default_sigma_m if measurement.sigma_m is None else measurement.sigma_m
-    radius_m = min(max(rules.host_radius_m, 2 * sigma_m), rules.max_host_radius_m)
-    for host_id, position_m in hosts_m.items():
-        distance_m = math.dist(measurement.position_m, position_m)
-        if distance_m <= radius_m:
-            return Refusal(
-                RefusalKind.OWN_HOST, "position", f"{distance_m:.1f} m from host {host_id!r}: taken for that host"
-            )
-    return None
 
 
 def _no_bearing(bearing: Bearing) -> Refusal | None:

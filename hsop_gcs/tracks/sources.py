@@ -33,9 +33,11 @@ class RefusalKind(StrEnum):
 class Refusal(BadInput):
     """Why a report was not believed."""
 
-    def __init__(self, kind: RefusalKind, field: str, problem: str) -> None:
+    def __init__(self, kind: RefusalKind, field: str, problem: str, *, host: str | None = None) -> None:
         super().__init__(field, problem)
         self.kind = kind
+        self.host = host
+        """Of ours, whose aircraft the report is of."""
 
 
 class SourceWatch(NamedTuple):

@@ -25,6 +25,7 @@ class Name(NamedTuple):
     source: str
     source_threat_id: str | None
     sources: tuple[Binding, ...] = ()
+    not_apart: frozenset[str] = frozenset()
 
 
 class Packed(NamedTuple):
@@ -118,6 +119,7 @@ class Table(Mapping[str, Track]):
             source=name.source,
             source_threat_id=name.source_threat_id,
             sources=name.sources,
+            not_apart=name.not_apart,
             status=_STATUSES[int(status)],
             velocity_known=bool(known),
             size_m=size_m,
@@ -156,7 +158,9 @@ def _gathered(tracks: Sequence[Track], rules: TrackRules) -> Table:
         newest = track.steps.newest if track.steps.log is log else log.take(track.steps)
         status = _STATUSES.index(track.status)
         facts[row] = newest, status, track.velocity_known, track.size_m, track.reports, track.first_seen_s
-    names = tuple([Name(track.id, track.source, track.source_threat_id, track.sources) for track in tracks])
+    names = tuple(
+        [Name(track.id, track.source, track.source_threat_id, track.sources, track.not_apart) for track in tracks]
+    )
     return Table(log, names, _rows(names), facts, rules, numbers_of(rules))
 
 

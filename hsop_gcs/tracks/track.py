@@ -42,6 +42,8 @@ class Track:
     reports: int
     first_seen_s: float
     state: State
+    not_apart: frozenset[str] = frozenset()
+    """Hosts of ours that it may be: those whose place was never known when it was seen, beside them or elsewhere."""
     steps: History
     """What it was told lately, and what was believed after each."""
 

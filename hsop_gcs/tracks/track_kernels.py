@@ -19,7 +19,6 @@ from hsop_gcs.tracks.kernels import (
     HITS,
     KNOWN_VARIANCE,
     MEASURED,
-    NEAR_HOST,
     NEWEST,
     POSITION_LIMIT,
     PSD,
@@ -180,9 +179,7 @@ def _in_slots(times_s: FloatArray, before: IntArray, newest: int, slots: float, 
 
 
 @kernel
-def _plain(
-    seen: FloatArray, hosts_m: FloatArray, now_s: float, max_future_s: float, max_age_s: float, rules: FloatArray
-) -> bool:
+def _plain(seen: FloatArray, now_s: float, max_future_s: float, max_age_s: float, rules: FloatArray) -> bool:
     """Whether measurements are reports of one scan, in order, that nothing can be said against: see ``screen``."""
     for n in range(len(seen)):
         row = seen[n]
@@ -193,12 +190,6 @@ def _plain(
             return False
         for i in range(COVARIANCE):
             if not np.isfinite(row[i]):
-                return False
-        for host in range(len(hosts_m)):
-            apart_m2 = 0.0
-            for i in range(3):
-                apart_m2 += (row[MEASURED + i] - hosts_m[host, i]) ** 2
-            if apart_m2 <= rules[NEAR_HOST] ** 2:
                 return False
         for other in range(n):
             if seen[other, MEASURED] == row[MEASURED] and seen[other, MEASURED + 1] == row[MEASURED + 1]:
@@ -218,7 +209,6 @@ def take(
     seen: FloatArray,
     tracks: IntArray,
     end: int,
-    hosts_m: FloatArray,
     now_s: float,
     max_future_s: float,
     max_age_s: float,
@@ -232,7 +222,7 @@ def take(
     is more to weigh than distances: what ``_plain`` refuses, names that are not followed at once, and what is not newer
     than a track by more than a scan.
     """
-    if not _plain(seen, hosts_m, now_s, max_future_s, max_age_s, rules):
+    if not _plain(seen, now_s, max_future_s, max_age_s, rules):
         return -1
     known = len(facts)
     at, taken, free = np.full(len(seen), -1), np.zeros(known, np.bool_), np.empty_like(seen)
@@ -298,4 +288,4 @@ def warm_up() -> None:
     aged(log[0], facts, 0.0, rules)
     status_at(TENTATIVE, 0.0, 0.0, rules)
     unknown(facts[0], rules)
-    take(*log, facts[:1], facts, seen, first, 1, np.empty((0, 3)), 1.0, 1.0, 1.0, rules)
+    take(*log, facts[:1], facts, seen, first, 1, 1.0, 1.0, 1.0, rules)

@@ -16,6 +16,7 @@ from hsop_gcs.simulator.eyes import Viewer, look
 from hsop_gcs.simulator.truth import TrueState
 from hsop_gcs.tracks import Picture, Track, TrackRules, update
 from hsop_gcs.tracks.gate import predicted
+from hsop_gcs.tracks.own import OwnAircraft
 
 EPOCH_S = 1_800_000_000.0
 PERIOD_S = 0.2
@@ -105,7 +106,7 @@ class Loop:
             self.watch,
             rays,
             self.time_s + LATENCY_S,
-            hosts_m={hover.host: hover.position_m for hover in self.hovers},
+            own=OwnAircraft.at_rest({hover.host: hover.position_m for hover in self.hovers}),
             rules=self.rules,
             track_rules=self.track_rules,
             clock=ReportRules(),

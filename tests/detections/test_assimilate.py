@@ -26,6 +26,7 @@ from hsop_gcs.detections import (
 from hsop_gcs.geometry.frames import Aim
 from hsop_gcs.reports import ReportRules, Vector3
 from hsop_gcs.tracks import Picture, TrackRules
+from hsop_gcs.tracks.own import OwnAircraft
 from hsop_gcs.tracks.track import TrackStatus
 from tests.detections.examples import METRE, NOW_S, RIG, bearing_ray, pixel_detection, reported, still
 
@@ -43,7 +44,7 @@ def take(
         watch or Watch(),
         rays,
         now_s,
-        hosts_m=HOSTS,
+        own=OwnAircraft.at_rest(HOSTS),
         rules=DetectionRules(),
         track_rules=TrackRules(),
         clock=ReportRules(),
@@ -125,7 +126,7 @@ def test_rays_that_meet_at_an_own_host_begin_no_threat() -> None:
         Watch(),
         rays,
         NOW_S,
-        hosts_m={**HOSTS, "c": (10.5, 10.0, 30.0)},
+        own=OwnAircraft.at_rest({**HOSTS, "c": (10.5, 10.0, 30.0)}),
         rules=DetectionRules(),
         track_rules=TrackRules(),
         clock=ReportRules(),

@@ -76,7 +76,7 @@ def reported(mission: MissionState, position_m: Point, time_s: float, threat: st
     report = Report(
         source="radar", threat_id=threat, time_s=time_s, position_m=position_m, velocity_mps=(0, 0, 0), sigma_m=0.5
     )
-    return apply(mission, ReportsArrived(time_s=time_s, measurements=(report,), hosts_m={}))
+    return apply(mission, ReportsArrived(time_s=time_s, measurements=(report,)))
 
 
 def aircraft(
@@ -324,7 +324,7 @@ def test_a_host_that_would_be_nearer_to_the_threat_if_it_stopped_flies_on() -> N
         velocity_mps=(0, 4, 0),
         sigma_m=0.5,
     )
-    mission = apply(mission, ReportsArrived(time_s=NOW_S + 3, measurements=(behind,), hosts_m={}))
+    mission = apply(mission, ReportsArrived(time_s=NOW_S + 3, measurements=(behind,)))
     mission, moves = moved(mission, NOW_S + 3, h1=(0.0, 30.0, 40.0))
     assert moves == []
     assert statuses(mission) == {"h1": "sent"}

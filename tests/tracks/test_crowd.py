@@ -54,7 +54,7 @@ def test_sources_without_number_are_refused_until_others_fall_silent() -> None:
 def test_a_mission_answers_each_report_of_a_crowd_in_its_place() -> None:
     mission = MissionState(rules=replace(Rules(), tracks=FEW))
     crowd = tuple(sight(number % 2, source=f"s{number}") for number in range(5))
-    mission, verdicts = take_reports(mission, ReportsArrived(time_s=T0_S, measurements=crowd, hosts_m={}))
+    mission, verdicts = take_reports(mission, ReportsArrived(time_s=T0_S, measurements=crowd))
     assert refused(verdicts) == [None] * 3 + [(RefusalKind.FULL, "source")] * 2
     assert len(mission.picture.sources) == 3
 
@@ -63,7 +63,7 @@ def test_what_was_dismissed_is_forgotten_when_it_is_over() -> None:
     mission = MissionState()
     for number in range(1200):
         time_s = T0_S + number / 10
-        given = ReportsArrived(time_s=time_s, measurements=(sight(number, at_s=number / 10),), hosts_m={})
+        given = ReportsArrived(time_s=time_s, measurements=(sight(number, at_s=number / 10),))
         mission, _ = take_reports(mission, given)
         mission = apply(mission, ThreatDismissed(time_s=time_s, threat_id=f"t{number}"))
     assert len(mission.dismissed) == 500

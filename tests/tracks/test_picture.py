@@ -7,6 +7,7 @@ import pytest
 
 from hsop_gcs.reports import Bearing, Measurement, Report
 from hsop_gcs.tracks import Picture, Refusal, RefusalKind, dismiss, prune, update
+from hsop_gcs.tracks.own import OwnAircraft
 from tests.tracks.world import RULES, T0_S, after, bearing, report, verdict_on
 
 MM_PER_S = 1e-3
@@ -62,9 +63,9 @@ def test_a_report_repeated_is_refused_and_the_track_kept(threat_id: str | None) 
 
 
 def test_a_report_on_top_of_an_own_host_is_of_that_host() -> None:
-    hosts_m = {"h1": (50.0, 0.0, 40.0)}
+    own = OwnAircraft.at_rest({"h1": (50.0, 0.0, 40.0)})
     for east, sigma_m, refused in ((47.0, None, True), (41.0, 15.0, True), (38.0, 15.0, False), (43.0, 1.0, False)):
-        verdict = verdict_on(Picture(), report(0, east, sigma_m=sigma_m), hosts_m=hosts_m)
+        verdict = verdict_on(Picture(), report(0, east, sigma_m=sigma_m), own=own)
         assert isinstance(verdict, Refusal) == refused
         if isinstance(verdict, Refusal):
             assert (verdict.kind, verdict.field) == (RefusalKind.OWN_HOST, "position")
@@ -73,11 +74,11 @@ def test_a_report_on_top_of_an_own_host_is_of_that_host() -> None:
 
 def test_a_known_threat_that_passes_a_host_does_not_vanish() -> None:
     picture = after(*(report(0.1 * k, 40 + 0.5 * k) for k in range(20)))
-    hosts_m = {"h1": (50.0, 0.0, 40.0)}
-    assert verdict_on(picture, report(2.0, 50.0), hosts_m=hosts_m) == "t1"
-    assert isinstance(verdict_on(picture, report(2.0, 50.0, threat_id="t2"), hosts_m=hosts_m), Refusal)
+    own = OwnAircraft.at_rest({"h1": (50.0, 0.0, 40.0)})
+    assert verdict_on(picture, report(2.0, 50.0), own=own) == "t1"
+    assert isinstance(verdict_on(picture, report(2.0, 50.0, threat_id="t2"), own=own), Refusal)
     far = after(report(1.9, 200.0))
-    assert isinstance(verdict_on(far, report(2.0, 50.0), hosts_m=hosts_m), Refusal)
+    assert isinstance(verdict_on(far, report(2.0, 50.0), own=own), Refusal)
 
 
 NAN = float("nan")
