@@ -159,9 +159,16 @@ class Backlog:
             while waiting and self.bytes > self._most_bytes:
                 entry = waiting.popleft()
                 self._count(entry, -1)
-                self.given_up[entry.kind] += 1
-                if self._gap is None:
-                    self._gap = _Gap(
-                        sequence=entry.sequence, since_s=entry.since_s, from_s=entry.time_s, to_s=entry.time_s
-                    )
-                self._gap.add(entry)
+                self._give_up(entry)
+
+    def lose(self, kind: str, *, time_s: float, now_s: float) -> None:
+        """Leave a gap where an entry would have stood that cannot be written down at all."""
+        self.sequence += 1
+        lost = Waiting(sequence=self.sequence, time_s=time_s, kind=kind, body=b"", worth=Worth.PLAIN, since_s=now_s)
+        self._give_up(lost)
+
+    def _give_up(self, entry: Waiting) -> None:
+        self.given_up[entry.kind] += 1
+        if self._gap is None:
+            self._gap = _Gap(sequence=entry.sequence, since_s=entry.since_s, from_s=entry.time_s, to_s=entry.time_s)
+        self._gap.add(entry)

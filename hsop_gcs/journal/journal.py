@@ -136,6 +136,12 @@ class Journal:
             self._wait_for(sequence, now_s)
             self._late += self._written < sequence
 
+    def lose(self, kind: str, *, time_s: float) -> None:
+        """Tell in its place of an entry that cannot be written down; the next snapshot makes up for it."""
+        with self._changed:
+            self._backlog.lose(kind, time_s=time_s, now_s=time.monotonic())
+            self._changed.notify_all()
+
     @property
     def wants_snapshot(self) -> bool:
         """Whether it is time for ``save``: enough was written since, or entries are missing and the disk is back."""

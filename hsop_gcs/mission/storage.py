@@ -30,9 +30,14 @@ class Storage:
 
     def record(self, given: Input) -> None:
         """Give an input to the journal, which writes it before this returns if the disk takes it: see ``Journal``."""
-        if self.journal is not None:
+        if self.journal is None:
+            return
+        try:
             kind, data = to_record(given)
             self.journal.append(kind, data, time_s=given.time_s, worth=worth_of(given))
+        except Exception:  # the mission does not depend on it: what cannot be written down is told and has happened
+            log.exception("%s cannot be written down", type(given).__name__)
+            self.journal.lose(type(given).__name__, time_s=given.time_s)
 
     def tend(self, state: MissionState, now_s: float) -> Iterator[Notice]:
         """Save the mission when that is due, and yield what has changed for people; to be called now and then."""
