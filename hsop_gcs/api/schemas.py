@@ -457,6 +457,8 @@ class HealthOut(BaseModel):
     """None: the service keeps none."""
     tlog: TlogHealth | None
     """The telemetry log; None: the service keeps none."""
+    faults: dict[str, int]
+    """How often the mission failed at what, by a fault of its own; the log has the details."""
     gates: dict[str, int]
     """How often each gate closed for a host that was open before, and each traffic rule stopped a flying one."""
     link: LinkHealth

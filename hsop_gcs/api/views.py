@@ -172,6 +172,7 @@ def health_out(mission: Mission, started_at_s: float, account: Account) -> Healt
         ),
         journal=None if mission.storage.journal is None else _journal(mission.storage.journal),
         tlog=None if mission.storage.tlog is None else _tlog(mission.storage.tlog),
+        faults=dict(mission.fault_counts),
         gates=dict(mission.sky.closings),
         link=_link(mission.link),
         clients=ClientsHealth(
@@ -190,12 +191,7 @@ def _problems(mission: Mission, unavailable: Mapping[str, Closed]) -> list[str]:
     if not mission.link.running:
         problems.append("link: the pump has stopped")
     problems += [f"link: {problem}" for problem in mission.link.problems]
-    if mission.fault is not None:
-        problems.append(f"mission: nothing is supervised, and our heartbeat is withheld: {mission.fault}")
-    if mission.planning_fault is not None:
-        problems.append(f"mission: no plans are asked for: {mission.planning_fault}")
-    if mission.events_failed:
-        problems.append(f"mission: it failed at {mission.events_failed} events of hosts; see the log")
+    problems += [f"mission: a fault in {part}: {fault}" for part, fault in mission.faults.items()]
     problems += [f"host {host}: its poses are not kept: {fault}" for host, fault in mission.pose_faults.items()]
     for host in mission.fleet.hosts:
         link = mission.link.vehicle_link(host.system_id)

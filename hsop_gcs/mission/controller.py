@@ -9,9 +9,10 @@ import asyncio
 import contextlib
 import logging
 from collections import Counter, deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from itertools import islice
 
 from hsop_gcs.detections import Detection, Fate, Ray, let_go, rays_of
@@ -21,6 +22,7 @@ from hsop_gcs.errors import NotKnown, Refused, Unavailable
 from hsop_gcs.fleet import Fleet, Host
 from hsop_gcs.journal import Journal
 from hsop_gcs.link.events import Event, OrderFailed
+from hsop_gcs.link.faults import describe
 from hsop_gcs.link.pump import Link
 from hsop_gcs.link.tlog import TlogWriter
 from hsop_gcs.link.vehicle import Vehicle
@@ -65,7 +67,7 @@ from hsop_gcs.mission.solver import Solver
 from hsop_gcs.mission.state import Autonomy, Plan, ready, replan_reason
 from hsop_gcs.mission.storage import Storage
 from hsop_gcs.mission.threatened import Threatened
-from hsop_gcs.mission.traffic import Blocked
+from hsop_gcs.mission.traffic import SUPERVISION, Blocked, Faulty, Move, Traffic
 from hsop_gcs.reports import Measurement, Site
 from hsop_gcs.tracks import Refusal, RefusalKind, Verdict, prune
 
@@ -134,14 +136,12 @@ class Mission:
         self.refusals = Refusals()
         self.solver_fault: str | None = None
         """What went wrong in the solver's process, if its last run did not end in an answer."""
-        self.fault: str | None = None
-        """What the supervision of what flies fails at now; our heartbeat is withheld meanwhile."""
+        self.faults: dict[str, str] = {}
+        """What the mission fails at now, and how; without the supervision of flights our heartbeat is withheld."""
+        self.fault_counts: Counter[str] = Counter()
+        """How often the mission failed at what, since the service started."""
         self._longest_lag_s = 0.0
         """By how much the link was late at worst since the service is behind it; 0: it is not."""
-        self.events_failed = 0
-        """Events of hosts that the mission has failed at."""
-        self.planning_fault: str | None = None
-        """What keeps the mission from asking for a plan now, though it flies and supervises."""
         self.storage = Storage(journal, tlog, disk)
         self.tracker_ready = tracker_ready
         """Whether the tracker's kernels are loaded: before that reports are refused, they would stop the loop."""
@@ -380,39 +380,42 @@ class Mission:
                         await self._changed.wait()
 
     def _round(self, tasks: asyncio.TaskGroup) -> None:
-        """Supervise and plan. What a round fails at is told, and tried again in the next.
+        """Do what is due, each part whatever becomes of the others.
 
-        Our heartbeat stands for the supervision of what flies, and stops with it; planning is not what it stands for.
+        Our heartbeat stands for the supervision of flights, and for nothing else: it stops when that fails.
         """
-        try:
-            self._supervise()
-        except Exception as error:
-            if self.fault is None:
-                log.exception("the mission supervises nothing")
-            self.fault = f"{type(error).__name__}: {error}"
-        else:
-            self.fault = None
+        self._attempt("telling that the clock was set", self._keep_time)
+        now_s = self.clock()
+        self._attempt("the care for the disk", lambda: self._tend_storage(now_s))
+        if self.tracker_ready:
+            self._attempt("the age of tracks", lambda: self._age(now_s))
+        self._attempt("telling that the link is behind", self._watch_lag)
+        if not self.link.behind:
+            self._attempt("flying a plan unasked", self._fly_unasked)
+        if self._attempt("the supervision of flights", lambda: self._direct_traffic(now_s)):
             self.link.keep_alive()
-        try:
-            self._plan_if_due(tasks)
-        except Exception as error:
-            if self.planning_fault is None:
-                log.exception("the mission asks for no plans")
-            self.planning_fault = f"{type(error).__name__}: {error}"
-        else:
-            self.planning_fault = None
+        self._attempt("the cameras' aims", lambda: self._follow_threats(now_s))
+        self._attempt("asking for a plan", lambda: self._plan_if_due(tasks))
 
-    def _supervise(self) -> None:
-        now_s = self._keep_time()
+    def _attempt(self, part: str, act: Callable[[], object]) -> bool:
+        """Do a part of what is due; return whether it was done. What it fails at is told, and tried again."""
+        try:
+            act()
+        except Exception as error:
+            self._note_fault(part, error)
+            return False
+        self.faults.pop(part, None)
+        return True
+
+    def _note_fault(self, part: str, error: Exception) -> None:
+        self.fault_counts[part] += 1
+        if part not in self.faults:
+            log.error("%s failed", part, exc_info=error)
+        self.faults[part] = describe(error)
+
+    def _tend_storage(self, now_s: float) -> None:
         for notice in self.storage.tend(self.state, now_s):
             self._log(None, notice)
-        if self.tracker_ready:
-            self._age(now_s)
-        self._watch_lag()
-        if not self.link.behind:
-            self._fly_unasked()
-        self._direct_traffic(now_s)
-        self._follow_threats(now_s)
 
     def _plan_if_due(self, tasks: asyncio.TaskGroup) -> None:
         now_s = self.clock()
@@ -509,36 +512,44 @@ class Mission:
     def _direct_traffic(self, now_s: float) -> None:
         """Let hosts depart, fly on, turn aside, stop and try again."""
         traffic = self.sky.traffic(self.state, now_s, self._blocked)
+        failed = set()
         for given in list(traffic.moves()):
             if isinstance(given, HostDeparted) and self.link.behind and self._waits(given.host):
                 order_id = self.state.progress[given.host].order_id
                 given = Blocked(host=given.host, order_id=order_id, time_s=now_s, reason=_BEHIND)
-            if isinstance(given, Blocked):
+            if isinstance(given, Faulty):
+                failed.add(given.part)
+                self._note_fault(given.part, given.error)
+            elif isinstance(given, Blocked):
                 self._blocked[given.host] = given
-                continue
-            if isinstance(given, HostThreatened) and not self.threatened.is_news(given):
-                continue
-            host = self._hosts([given.host])[0]
-            if isinstance(given, HostStopped):
-                self._stop(host)
-                self.sky.closings[given.gate] += given.host not in traffic.closed
-            elif isinstance(given, WishLapsed) or (isinstance(given, HostSetAside) and given.until_s is None):
-                self.link.leave_alone(host.system_id)
-            self._take(given)
-            self._log(host, given)
-            if isinstance(given, HostGaveWay):
-                self.sky.closings["gave way"] += 1
-                way, aim = self.state.ways_given[host.id], self.sky.target_of(self.state, host, now_s)
-                heading_deg = self.sky.heading_deg(self.state, host)
-                self._commander.give_way(host, way, heading_deg=heading_deg, aim=aim)
-            if isinstance(given, HostDeparted | LegFlown):
-                plan = self.state.plans.flying
-                assert plan is not None, "only hosts of the flying plan are sent"
-                self._commander.send(self.state.progress[host.id], for_s=plan.expires_at_s - now_s)
+            elif not isinstance(given, HostThreatened) or self.threatened.is_news(given):
+                self._move(given, traffic, now_s)
+        for part in [part for part in self.faults if part.startswith(SUPERVISION) and part not in failed]:
+            del self.faults[part]
         self._commander.insist(self.state.pending, self.sky.aircraft())
 
     def _waits(self, host: str) -> bool:
         return self.state.progress[host].status is OrderStatus.WAITING
+
+    def _move(self, given: Move, traffic: Traffic, now_s: float) -> None:
+        """Write down what traffic decided of a host, and do it."""
+        host = self._hosts([given.host])[0]
+        if isinstance(given, HostStopped):
+            self._stop(host)
+            self.sky.closings[given.gate] += given.host not in traffic.closed
+        elif isinstance(given, WishLapsed) or (isinstance(given, HostSetAside) and given.until_s is None):
+            self.link.leave_alone(host.system_id)
+        self._take(given)
+        self._log(host, given)
+        if isinstance(given, HostGaveWay):
+            self.sky.closings["gave way"] += 1
+            way, aim = self.state.ways_given[host.id], self.sky.target_of(self.state, host, now_s)
+            heading_deg = self.sky.heading_deg(self.state, host)
+            self._commander.give_way(host, way, heading_deg=heading_deg, aim=aim)
+        if isinstance(given, HostDeparted | LegFlown):
+            plan = self.state.plans.flying
+            assert plan is not None, "only hosts of the flying plan are sent"
+            self._commander.send(self.state.progress[host.id], for_s=plan.expires_at_s - now_s)
 
     def _fly_unasked(self) -> None:
         """In auto, let a proposal fly."""
@@ -553,11 +564,8 @@ class Mission:
     async def _watch_link(self) -> None:
         while True:
             event = await self.link.events.get()
-            try:
-                self._hear(event)
-            except Exception:  # one event costs itself; what it told of is seen in the telemetry
-                log.exception("the mission failed at an event: %s", event)
-                self.events_failed += 1
+            # one event costs itself; what it told of is seen in the telemetry
+            self._attempt(f"taking a {type(event).__name__}", partial(self._hear, event))
             self._changed.set()
 
     def _hear(self, event: Event) -> None:

@@ -73,6 +73,22 @@ class Blocked:
     """What is in its way stays there."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Faulty:
+    """A host that could not be looked at, for a fault of our own."""
+
+    host: str
+    error: Exception
+
+    @property
+    def part(self) -> str:
+        """What of the mission has failed, for a person."""
+        return SUPERVISION + self.host
+
+
+SUPERVISION = "the supervision of "
+
+
 @dataclass(frozen=True, kw_only=True)
 class Traffic:
     """Where everybody is and flies to."""
@@ -86,49 +102,69 @@ class Traffic:
     blocked: Mapping[str, Blocked] = field(default_factory=lambda: MappingProxyType({}))
     """Who waited the last time, and why."""
 
-    def moves(self) -> Iterator[Move | Blocked]:
+    def moves(self) -> Iterator[Move | Blocked | Faulty]:
         """Yield what is to be done now, hosts that depart first before those that wait for them."""
         for host, pending in self.mission.pending.items():
             reason = self._why_lapsed(host, pending)
             if reason is not None:
                 yield WishLapsed(time_s=self.now_s, host=host, reason=reason)
-        known, away = self._known, set()
-        for host in self.aircraft if known.threats else ():
-            flies = host in self.mission.progress and self.mission.progress[host].flying
-            given = None if flies else self._giving_way.move(host)
-            if isinstance(given, HostGaveWay):
-                away.add(host)
-            if given is not None:
+        away = set()
+        for host in self.aircraft if self._known.threats else ():
+            for given in self._contained(host, self._out_of_the_way(host)):
+                if isinstance(given, HostGaveWay):
+                    away.add(host)
                 yield given
         for host, progress in sorted(self.mission.progress.items(), key=lambda item: item[1].rank):
-            waits = progress.status is OrderStatus.WAITING
-            if host in away:
-                continue
-            if self.aircraft[host].taken_over and (progress.flying or (waits and progress.departures > 0)):
-                yield self._left_alone(host)
-            elif progress.flying and host in self.closed:
-                at = self.closed[host]
-                yield HostStopped(time_s=self.now_s, host=host, gate=at.gate, reason=at.reason)
-            elif self.aircraft[host].position_m is None:
-                continue
-            elif waits and self._stuck(host, progress):
-                last = self.blocked.get(host)
-                reason = f"it could not go on for {_PATIENCE_S:.0f} s" + (f": {last.reason}" if last else "")
-                until_s = self.now_s + self.mission.rules.set_aside_s
-                yield HostSetAside(time_s=self.now_s, host=host, reason=reason, until_s=until_s)
-            elif waits:
-                if (progress.departures == 0 or self._calm(progress)) and self._may_seek(host, progress):
-                    yield self._departure(host, progress, known)
-            elif progress.flying:
-                move = self._watched(host, progress, known) or self._giving_way.move(host, progress.ahead_m)
-                if isinstance(move, HostThreatened):
-                    yield move
-                    move = None
-                move = move or self._next_leg(host, progress)
-                if move is not None:
-                    yield move
-            elif progress.status is OrderStatus.FAILED and self._current(progress):
-                yield self._after_failure(host, progress)
+            if host not in away:
+                yield from self._contained(host, self._of_order(host, progress))
+
+    def _contained(self, host: str, moves: Iterator[Move | Blocked]) -> Iterator[Move | Blocked | Faulty]:
+        """Yield one host's moves. A fault of our own in them costs that host its flight, and no other one anything."""
+        try:
+            yield from list(moves)
+        except Exception as error:
+            yield Faulty(host=host, error=error)
+            progress = self.mission.progress.get(host)
+            if progress is not None and progress.flying:
+                yield HostStopped(
+                    time_s=self.now_s, host=host, gate="fault", reason=f"it cannot be supervised: {error}"
+                )
+
+    def _out_of_the_way(self, host: str) -> Iterator[Move]:
+        """A host that flies to no hover point gives way to threats."""
+        flies = host in self.mission.progress and self.mission.progress[host].flying
+        given = None if flies else self._giving_way.move(host)
+        if given is not None:
+            yield given
+
+    def _of_order(self, host: str, progress: OrderProgress) -> Iterator[Move | Blocked]:
+        """A host with an order departs, is watched on its way, or is sent again."""
+        waits = progress.status is OrderStatus.WAITING
+        if self.aircraft[host].taken_over and (progress.flying or (waits and progress.departures > 0)):
+            yield self._left_alone(host)
+        elif progress.flying and host in self.closed:
+            at = self.closed[host]
+            yield HostStopped(time_s=self.now_s, host=host, gate=at.gate, reason=at.reason)
+        elif self.aircraft[host].position_m is None:
+            return
+        elif waits and self._stuck(host, progress):
+            last = self.blocked.get(host)
+            reason = f"it could not go on for {_PATIENCE_S:.0f} s" + (f": {last.reason}" if last else "")
+            until_s = self.now_s + self.mission.rules.set_aside_s
+            yield HostSetAside(time_s=self.now_s, host=host, reason=reason, until_s=until_s)
+        elif waits:
+            if (progress.departures == 0 or self._calm(progress)) and self._may_seek(host, progress):
+                yield self._departure(host, progress, self._known)
+        elif progress.flying:
+            move = self._watched(host, progress, self._known) or self._giving_way.move(host, progress.ahead_m)
+            if isinstance(move, HostThreatened):
+                yield move
+                move = None
+            move = move or self._next_leg(host, progress)
+            if move is not None:
+                yield move
+        elif progress.status is OrderStatus.FAILED and self._current(progress):
+            yield self._after_failure(host, progress)
 
     @cached_property
     def _known(self) -> Situation:

@@ -180,6 +180,7 @@ async def _fly(
                     ended if isinstance(ended, BaseException) else None
                 )
         await fleet.close()
+    assert not mission.fault_counts, f"faults are contained, and must not be there: {dict(mission.fault_counts)}"
     return mission
 
 

@@ -39,7 +39,7 @@ from hsop_gcs.mission.inputs import (
 from hsop_gcs.mission.planning import Decision, PlanningRules
 from hsop_gcs.mission.records import from_record, to_record
 from hsop_gcs.mission.state import Autonomy
-from hsop_gcs.mission.traffic import Blocked, Traffic
+from hsop_gcs.mission.traffic import Blocked, Faulty, Traffic
 from hsop_gcs.mission.whereabouts import whereabouts
 from hsop_gcs.placement.airspace import Airspace, KeepOut
 from hsop_gcs.placement.problem import Formulation, Objective, Point
@@ -111,7 +111,7 @@ def moved(
 ) -> tuple[MissionState, list[Input]]:
     """The mission after what traffic does with it, each input having been through the journal."""
     seen = traffic(mission, now_s, *others, closed=closed, **at).moves()
-    moves: list[Input] = [each for each in seen if not isinstance(each, Blocked)]
+    moves: list[Input] = [each for each in seen if not isinstance(each, Blocked | Faulty)]
     for given in moves:
         assert from_record(*to_record(given), given.time_s) == given
         mission = apply(mission, given)
@@ -411,6 +411,25 @@ def test_after_a_hold_or_recall_nothing_flies_unasked_not_even_after_a_restart(o
     everyone = apply(stopped, HostsReleased(time_s=NOW_S, hosts=("h1", "h2"), everyone=True))
     assert everyone.autonomy is Autonomy.AUTO
     assert everyone.aside == {}
+
+
+class Unsound(dict[str, Aircraft]):
+    """Aircraft, of which one cannot be looked at."""
+
+    def __getitem__(self, host: str) -> Aircraft:
+        if host == "h1":
+            raise RuntimeError("thrown in by a test")
+        return super().__getitem__(host)
+
+
+def test_a_host_that_cannot_be_supervised_is_stopped_and_costs_no_other_its_flight() -> None:
+    mission, _ = moved(flying(("h1", (0, 90, 40)), ("h2", (60, 90, 40))))
+    seen = traffic(mission, NOW_S + 4)
+    unsound = list(replace(seen, aircraft=Unsound(seen.aircraft)).moves())
+    faulty = [each for each in unsound if isinstance(each, Faulty)]
+    stopped = [each for each in unsound if isinstance(each, HostStopped)]
+    assert {each.host for each in faulty} == {"h1"} == {each.host for each in stopped}
+    assert stopped[0].gate == "fault"
 
 
 def restarted(mission: MissionState, *hosts: str, autonomy: Autonomy = Autonomy.AUTO) -> MissionState:

@@ -58,19 +58,24 @@ def test_a_round_that_fails_is_tried_again_and_the_heartbeat_stands_for_it() -> 
         async with running_mission(settings) as mission:
             fed: list[bool] = []
             mission.link.keep_alive = lambda: fed.append(True)  # type: ignore[method-assign]
-            supervise = mission._supervise
-            mission._supervise = explode  # type: ignore[method-assign]
-            await _until(lambda: mission.fault is not None)
+            mission.tracker_ready = True
+            direct_traffic = mission._direct_traffic
+            setattr(mission, "_direct_traffic", explode)  # noqa: B010 - it takes what it is given
+            await _until(lambda: bool(mission.faults))
             fed.clear()
             await asyncio.sleep(0.5)
             assert not fed
-            assert mission.fault == "RuntimeError: thrown in by a test"
-            mission._supervise = supervise  # type: ignore[method-assign]
-            await _until(lambda: bool(fed) and mission.fault is None)
-            mission._plan_if_due = explode  # type: ignore[assignment, method-assign]
-            await _until(lambda: mission.planning_fault is not None)
-            fed.clear()
-            await _until(lambda: bool(fed))
+            assert mission.faults == {"the supervision of flights": "RuntimeError: thrown in by a test"}
+            mission._direct_traffic = direct_traffic  # type: ignore[method-assign]
+            await _until(lambda: bool(fed) and not mission.faults)
+            for part in ("_keep_time", "_tend_storage", "_age", "_fly_unasked", "_follow_threats", "_plan_if_due"):
+                before = getattr(mission, part)
+                setattr(mission, part, explode)
+                await _until(lambda: bool(mission.faults))
+                fed.clear()
+                await _until(lambda: bool(fed))
+                setattr(mission, part, before)
+                await _until(lambda: not mission.faults)
 
     asyncio.run(serve())
 
@@ -88,6 +93,6 @@ def test_an_event_that_the_mission_fails_at_costs_itself() -> None:
             mission.link.events.put_nowait(LinkUp(system=77))
             mission.link.events.put_nowait(LinkUp(system=1))
             await _until(lambda: [each.event for each in mission.events] == [LinkUp(system=1)])
-            assert mission.events_failed == 1
+            assert mission.fault_counts == {"taking a LinkUp": 1}
 
     asyncio.run(serve())
