@@ -20,6 +20,7 @@ from hsop_gcs.disk import DiskWatch
 from hsop_gcs.errors import Unavailable
 from hsop_gcs.geometry import triangulation
 from hsop_gcs.link.codec import message_ids
+from hsop_gcs.link.endpoint import parse_pin
 from hsop_gcs.link.faults import describe
 from hsop_gcs.link.guest_port import GuestPort
 from hsop_gcs.link.key_files import TimestampFile, read_key
@@ -147,6 +148,7 @@ def link_of(
         connections=connections,
         clock=steady_s,
         signing=_signing(settings, rising),
+        pins={host.system_id: parse_pin(host.address) for host in settings.hosts if host.address is not None},
         on_frame=_recorder(tlog, rising),
         watchdog_s=watchdog_s,
     )

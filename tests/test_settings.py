@@ -315,3 +315,23 @@ def test_faults_of_signing_name_the_field(tmp_path: Path, more: str, message: st
     key_file(tmp_path / "own.key")
     with pytest.raises(BadInput, match=message):
         read(tmp_path, GOOD + more)
+
+
+def test_a_host_is_pinned_to_an_address_where_many_may_speak(tmp_path: Path) -> None:
+    path = tmp_path / "FLEET.toml"
+    path.write_text(GOOD.replace('14541"', '14541"\naddress = "10.0.0.5:14550"'))
+    assert [host.address for host in read_settings(path).hosts] == ["10.0.0.5:14550", None]
+    assert read_settings(path).to_fleet().hosts[0].id == "h1"
+
+
+@pytest.mark.parametrize(
+    ("address", "after", "problem"),
+    [
+        ("drone1", '14541"', r"hosts\.0\.address: 'drone1' is no IP address, with or without :PORT"),
+        ("10.0.0.5:0", '14541"', r"hosts\.0\.address: '0' in '10\.0\.0\.5:0' is not a port"),
+        ("10.0.0.5", '14582"', "host 'h2': address is for a udpin connection; udpout:127.0.0.1:14582 has only one"),
+    ],
+)
+def test_an_address_that_pins_nothing_is_refused(tmp_path: Path, address: str, after: str, problem: str) -> None:
+    with pytest.raises(BadInput, match=problem):
+        read(tmp_path, GOOD.replace(after, f'{after}\naddress = "{address}"'))

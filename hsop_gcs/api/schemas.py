@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, AwareDatetime, BaseModel, BeforeValidator, ConfigDict, Field
 
 from hsop_gcs.api.commands import HostId, NamedHosts
+from hsop_gcs.link.account import Trust
 from hsop_gcs.mission.core import Wish
 from hsop_gcs.mission.state import Autonomy
 from hsop_gcs.reports import AltitudeDatum
@@ -164,6 +165,8 @@ class OrderOut(BaseModel):
 class HostLinkOut(BaseModel):
     address: str | None
     """Where the host is registered: nothing else is listened to under its system id."""
+    trust: Trust
+    """Why what comes from there is taken for the host's: ``spoke first`` if it is neither signed nor pinned."""
     claimants: list[str]
     """Other addresses that spoke under its system id; one may be registered."""
     received: int
@@ -444,6 +447,8 @@ class ClientsHealth(BaseModel):
 class HealthOut(BaseModel):
     status: Literal["ok", "degraded"]
     problems: list[str]
+    notes: list[str]
+    """What works and could be safer."""
     time: datetime
     uptime_s: float
     autonomy: Autonomy

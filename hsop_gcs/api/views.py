@@ -155,6 +155,7 @@ def health_out(mission: Mission, started_at_s: float, account: Account) -> Healt
     return HealthOut(
         status="degraded" if problems else "ok",
         problems=problems,
+        notes=_notes(mission),
         time=mission.utc(mission.clock()),
         uptime_s=mission.clock() - started_at_s,
         autonomy=mission.state.autonomy,
@@ -217,6 +218,16 @@ def _problems(mission: Mission, unavailable: Mapping[str, Closed]) -> list[str]:
     if newest is not None:
         problems += [f"left out of plan {newest.id}: {why}" for why in newest.decision.left_out.values()]
     return problems
+
+
+def _notes(mission: Mission) -> list[str]:
+    """What works and could be safer, for a person."""
+    trusting = [
+        host.id for host in mission.fleet.hosts if mission.link.vehicle_link(host.system_id).trust == "spoke first"
+    ]
+    if not trusting:
+        return []
+    return [f"hosts {', '.join(trusting)}: neither signed nor pinned to an address: whoever speaks first is believed"]
 
 
 def _clock_problems(mission: Mission) -> list[str]:

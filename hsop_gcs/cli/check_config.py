@@ -35,6 +35,9 @@ def register(app: typer.Typer) -> None:
         return 2 if faults else 0
 
 
+_SHOWN = {"id", "system_id", "connection", "mavsdk_port", "address"}
+
+
 def _summary(settings: "Settings") -> dict[str, Any]:
     import shapely
 
@@ -42,7 +45,7 @@ def _summary(settings: "Settings") -> dict[str, Any]:
     return {
         "origin": settings.site.origin.model_dump(),
         "autonomy": str(settings.service.autonomy),
-        "hosts": [host.model_dump(include={"id", "system_id", "connection", "mavsdk_port"}) for host in settings.hosts],
+        "hosts": [host.model_dump(include=_SHOWN) for host in settings.hosts],
         "limits": settings.limits.model_dump(),
         "fence_m2": [round(shapely.Polygon(polygon).area) for polygon in airspace.inside],
         "keep_outs_m2": [round(shapely.Polygon(area.polygon).area) for area in airspace.keep_outs],
@@ -64,6 +67,7 @@ def _lines(summary: dict[str, Any]) -> list[str]:
     ]
 
 
-def _host(id: str, system_id: int, connection: str, mavsdk_port: int | None) -> str:
+def _host(id: str, system_id: int, connection: str, mavsdk_port: int | None, address: str | None) -> str:
     mavsdk = "" if mavsdk_port is None else f", MAVSDK at udpout://127.0.0.1:{mavsdk_port}"
-    return f"{id}: system {system_id}, {connection}{mavsdk}"
+    pinned = "" if address is None else f" from {address} only"
+    return f"{id}: system {system_id}, {connection}{pinned}{mavsdk}"

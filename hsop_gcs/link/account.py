@@ -2,9 +2,14 @@
 
 from collections import Counter, deque
 from dataclasses import dataclass
+from typing import Literal
 
 from hsop_gcs.link.endpoint import Peer
 from hsop_gcs.link.timed_loss import TimedLoss
+
+Trust = Literal["signed", "pinned", "we call it", "spoke first"]
+"""Signed with its key, or from its address in FLEET.toml, or over a line of which we chose the other end; else it is
+whoever spoke first."""
 
 _WINDOW_S = 5
 _MOST_CLAIMANTS = 8
@@ -54,6 +59,8 @@ class VehicleLink:
     system: int
     peer: Peer | None
     """Where it is registered: nothing else is listened to under its id."""
+    trust: Trust
+    """Why what comes from there is taken for the vehicle's."""
     claimants: tuple[str, ...]
     """Other addresses that spoke under its id and wait for an operator."""
     received: int

@@ -5,6 +5,7 @@ first; ``serial:DEVICE:BAUD`` is a telemetry radio or a cable. ``udpin://HOST:PO
 """
 
 from dataclasses import dataclass
+from ipaddress import IPv4Address, IPv6Address, ip_address
 from typing import Literal, get_args
 
 from hsop_gcs.errors import BadInput
@@ -60,6 +61,45 @@ class Peer:
     def address(self) -> str:
         """For a person."""
         return _address(self.host, self.port)
+
+
+@dataclass(frozen=True, slots=True)
+class Pin:
+    """The only address under which a vehicle is believed; port None: from any port of it."""
+
+    host: str
+    port: int | None
+
+    def admits(self, peer: Peer) -> bool:
+        """Whether a peer speaks from there."""
+        return self.host == _canonical(peer.host) and self.port in (None, peer.port)
+
+    def __str__(self) -> str:
+        return self.host if self.port is None else _address(self.host, self.port)
+
+
+def parse_pin(text: str) -> Pin:
+    """Read ``10.0.0.5``, ``10.0.0.5:14550``, ``fd00::5`` or ``[fd00::5]:14550``. Raises BadInput for anything else."""
+    host, port = text, None
+    if text.startswith("[") or text.count(":") == 1:
+        host, _, number = text.rpartition(":")
+        if not number.isascii() or not number.isdigit() or not 1 <= int(number) <= 65535:
+            raise BadInput("address", f"{number!r} in {text!r} is not a port")
+        host, port = host.removeprefix("[").removesuffix("]"), int(number)
+    try:
+        return Pin(_canonical(str(ip_address(host))), port)
+    except ValueError:
+        raise BadInput("address", f"{text!r} is no IP address, with or without :PORT") from None
+
+
+def _canonical(host: str) -> str:
+    """An IPv4 address that comes over an IPv6 socket is written as what it is."""
+    try:
+        address: IPv4Address | IPv6Address = ip_address(host)
+    except ValueError:
+        return host
+    mapped = address.ipv4_mapped if isinstance(address, IPv6Address) else None
+    return str(mapped or address)
 
 
 def _address(host: str, port: int) -> str:

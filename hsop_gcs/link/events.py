@@ -38,11 +38,15 @@ class AddressRefused(Event):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AddressRegistered(Event):
-    """The vehicle has another address from now on: an operator said so, or its signature did."""
+    """The vehicle has another address from now on.
+
+    by: an operator said so, its signature did, or it fell silent and speaks from another port of the same host: it was
+    started again.
+    """
 
     address: str
     before: str | None
-    by: Literal["operator", "signature"]
+    by: Literal["operator", "signature", "same host"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,7 +20,7 @@ from hsop_gcs.errors import BadInput, Unavailable
 from hsop_gcs.geometry.frames import Aim
 from hsop_gcs.link.account import LinkCounters, Stranger, VehicleLink
 from hsop_gcs.link.backlog import Backlog, Lag
-from hsop_gcs.link.endpoint import Address, Peer, parse_endpoint
+from hsop_gcs.link.endpoint import Address, Peer, Pin, parse_endpoint
 from hsop_gcs.link.events import Event, VehicleFault
 from hsop_gcs.link.faults import Faults, describe, trace_of
 from hsop_gcs.link.identity import GROUND_STATION, Identity
@@ -45,7 +45,7 @@ class Link:
     ids of the fleet. clock: seconds, monotonic; by default the event loop's. on_event: called from the pump for every
     event; without it they are put on ``events``. on_frame: called with every raw frame received and sent.
     connections: over which of the endpoints a system must be heard first; one left out may be heard over any.
-    signing: of the endpoints over which everything is signed.
+    signing: of the endpoints over which everything is signed. pins: the only address of each system that has one.
     watchdog_s: our heartbeat stops when ``keep_alive`` is not called for so long; None: it stands for the pump alone.
     Raises BadInput for an endpoint or id that is none.
     """
@@ -62,6 +62,7 @@ class Link:
         on_frame: Callable[[bytes], None] | None = None,
         connections: Mapping[int, str] | None = None,
         signing: Mapping[str, Signing] | None = None,
+        pins: Mapping[int, Pin] | None = None,
         watchdog_s: float | None = None,
     ) -> None:
         ids = list(systems)
@@ -83,8 +84,10 @@ class Link:
             own=own,
             limits=limits,
             streams=streams,
+            calling={number for number, each in enumerate(self._transports) if each.endpoint.kind != "udpin"},
             transport_of=transport_of,
             signing=self._signing,
+            pins=pins,
             watchdog_s=watchdog_s,
         )
         self._clock = clock

@@ -7,7 +7,8 @@ that its first heartbeat came from, and stays so, whether its link is lost or no
                                                                   └──frame of the same id from another address:────┘
                                                                      refused, counted, told
 
-A signed heartbeat from another address registers it when the link is lost: the key says more than an address does.
+When the link is lost, an autopilot's heartbeat registers another port of the same host: it has started again. A signed
+one registers any address: the key says more than an address does. One that is pinned is the only one, first or not.
 
 A fault of ours costs the frame it came from, and the vehicle its order (``Vehicle.mend``); one that belongs to no
 vehicle is noted in ``faults``. Only a heartbeat of ours that cannot be made is raised: nothing flies on without it.
@@ -19,11 +20,12 @@ import heapq
 import math
 from collections import Counter
 from collections.abc import Container, Iterable, Mapping
+from typing import Literal
 
 from hsop_gcs.errors import BadInput
-from hsop_gcs.link.account import Account, LinkCounters, Sequence, Stranger, VehicleLink
+from hsop_gcs.link.account import Account, LinkCounters, Sequence, Stranger, Trust, VehicleLink
 from hsop_gcs.link.codec import Decoder, DecoderCounters, Encoder, Frame, is_signed, marked_signed, message_id
-from hsop_gcs.link.endpoint import Peer
+from hsop_gcs.link.endpoint import Peer, Pin
 from hsop_gcs.link.enums import MavResult
 from hsop_gcs.link.events import AddressRefused, AddressRegistered, Event
 from hsop_gcs.link.faults import Faults
@@ -55,18 +57,23 @@ class Router:
         own: Identity = GROUND_STATION,
         limits: VehicleLimits | None = None,
         streams: Container[int] = (),
+        calling: Container[int] = (),
         transport_of: Mapping[int, int] | None = None,
         signing: Mapping[int, Signing] | None = None,
+        pins: Mapping[int, Pin] | None = None,
         watchdog_s: float | None = None,
     ) -> None:
-        """streams: which transports carry bytes without the bounds of datagrams. transport_of: where a system must
-        be heard first; one that is left out may be heard anywhere. signing: of the transports that are signed.
-        watchdog_s: see ``OwnHeartbeat``.
+        """streams: which transports carry bytes without the bounds of datagrams. calling: those whose other end we
+        chose. transport_of: where a system must be heard first; one that is left out may be heard anywhere. signing:
+        of the transports that are signed. pins: the only address of each system that has one. watchdog_s: see
+        ``OwnHeartbeat``.
         """
         self.own = own
         self._streams = streams
+        self._calling = calling
         self._transport_of = transport_of or {}
         self._signing = signing or {}
+        self._pins = pins or {}
         self.vehicles = {system: Vehicle(system, own=own, limits=limits) for system in systems}
         self.heartbeat = OwnHeartbeat(watchdog_s=watchdog_s)
         self.faults = Faults()
@@ -274,6 +281,9 @@ class Router:
             raise BadInput(
                 "address", f"nothing was heard of system {system} from {address!r} (other than known: {heard})"
             )
+        pin = self._pins.get(system)
+        if pin is not None and not pin.admits(peer):
+            raise BadInput("address", f"system {system} is pinned to {pin} in FLEET.toml")
         before = account.peer.address if account.peer is not None else None
         account.register(peer)
         self._events.append(AddressRegistered(system=system, address=address, before=before, by="operator"))
@@ -334,6 +344,7 @@ class Router:
         return VehicleLink(
             system=system,
             peer=account.peer,
+            trust=self.trust(system),
             claimants=tuple(account.claimants),
             received=account.received,
             rate_hz=account.rate_hz(now),
@@ -409,24 +420,42 @@ class Router:
 
     def _registers(self, frame: Frame, peer: Peer) -> bool:
         """Whether a frame from an address that is not its vehicle's makes it so; if not, it is refused."""
-        account = self._accounts[frame.system]
+        account, vehicle = self._accounts[frame.system], self.vehicles[frame.system]
+        pin = self._pins.get(frame.system)
         at_home = self._transport_of.get(frame.system, peer.transport) == peer.transport
+        at_home = at_home and (pin is None or pin.admits(peer))
         greets = begins_link(frame.message, frame.component)
-        genuine = peer.transport in self._signing and is_signed(frame.raw)
         if account.peer is None and at_home:
             if greets:
                 account.register(peer)
             else:
-                self.vehicles[frame.system].note_not_taken(frame.component)
-        elif at_home and greets and genuine and not self.vehicles[frame.system].state.link_up:
+                vehicle.note_not_taken(frame.component)
+        elif at_home and greets and not vehicle.state.link_up and (by := self._why_again(frame, peer)) is not None:
             before = account.peer.address if account.peer is not None else None
             account.register(peer)
-            event = AddressRegistered(system=frame.system, address=peer.address, before=before, by="signature")
-            self._events.append(event)
+            self._events.append(AddressRegistered(system=frame.system, address=peer.address, before=before, by=by))
         elif account.refuse(peer):
             registered = account.peer.address if account.peer is not None else None
             self._events.append(AddressRefused(system=frame.system, address=peer.address, registered=registered))
         return account.peer == peer
+
+    def _why_again(self, frame: Frame, peer: Peer) -> Literal["signature", "same host"] | None:
+        """Why a vehicle that fell silent is believed to speak from here now."""
+        before = self._accounts[frame.system].peer
+        if peer.transport in self._signing:
+            return "signature" if is_signed(frame.raw) else None
+        same_host = before is not None and (before.transport, before.host) == (peer.transport, peer.host)
+        return "same host" if same_host else None
+
+    def trust(self, system: int) -> Trust:
+        """Why what comes under a vehicle's id is taken for the vehicle's."""
+        peer, home = self._accounts[system].peer, self._transport_of.get(system)
+        transport = peer.transport if peer is not None else home
+        if transport in self._signing:
+            return "signed"
+        if system in self._pins:
+            return "pinned"
+        return "we call it" if transport in self._calling else "spoke first"
 
     def _note_stranger(self, frame: Frame, peer: Peer, now: float) -> None:
         self._not_in_fleet += 1

@@ -10,7 +10,7 @@ from hsop_gcs.errors import BadInput
 from hsop_gcs.fleet import FlightLimits
 from hsop_gcs.journal import KEEP_BYTES
 from hsop_gcs.link.codec import message_ids
-from hsop_gcs.link.endpoint import parse_endpoint
+from hsop_gcs.link.endpoint import parse_endpoint, parse_pin
 from hsop_gcs.link.key_files import read_key
 from hsop_gcs.mission.inputs import Rules
 from hsop_gcs.mission.planning import PlanningRules, TargetError
@@ -131,6 +131,13 @@ def _connection(text: str) -> str:
         raise ValueError(error.problem) from error
 
 
+def _pin(text: str) -> str:
+    try:
+        return str(parse_pin(text))
+    except BadInput as error:
+        raise ValueError(error.problem) from error
+
+
 def _key_file(name: str, info: ValidationInfo) -> str:
     path: Path = (info.context or Path()) / name
     try:
@@ -171,6 +178,8 @@ class HostSection(Section):
     id: Annotated[str, Field(min_length=1, max_length=64)]
     system_id: Annotated[int, Field(ge=1, le=250)]
     connection: Annotated[str, AfterValidator(_connection)]
+    address: Annotated[str, AfterValidator(_pin)] | None = None
+    """The only address, with or without a port, under which the host is believed. None: whoever speaks first is."""
     rig: str | None = None
     """Names one of ``[rigs.NAME]``; None: ``[rig]``."""
     remote_id: tuple[RemoteId, ...] = ()

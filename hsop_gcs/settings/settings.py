@@ -79,6 +79,13 @@ class Settings(Section):
         return hosts
 
     @model_validator(mode="after")
+    def _pinned_where_many_speak(self) -> Self:
+        for host in self.hosts:
+            if host.address is not None and parse_endpoint(host.connection).kind != "udpin":
+                raise ValueError(f"host {host.id!r}: address is for a udpin connection; {host.connection} has only one")
+        return self
+
+    @model_validator(mode="after")
     def _rigs_exist(self) -> Self:
         for host in self.hosts:
             if host.rig is not None and host.rig not in self.rigs:
@@ -137,7 +144,7 @@ class Settings(Section):
             rigs[name] = None if own == common else own
         return Fleet(
             hosts=tuple(
-                Host(**host.model_dump(exclude={"rig", "key_file", "mavsdk_port"}), rig=rigs[host.rig])
+                Host(**host.model_dump(exclude={"rig", "key_file", "mavsdk_port", "address"}), rig=rigs[host.rig])
                 for host in self.hosts
             ),
             limits=FlightLimits(**self.limits.model_dump()),

@@ -14,6 +14,7 @@ from hsop_gcs.simulator.channel import Channel, Impairment
 
 HERE = Peer(0, "127.0.0.1", 14541)
 THERE = Peer(0, "127.0.0.1", 14542)
+FAR = Peer(0, "127.0.0.2", 14541)
 BEAT = Heartbeat(type=MavType.QUADROTOR, autopilot=MavAutopilot.PX4)
 
 
@@ -75,26 +76,26 @@ def test_a_vehicle_that_changes_its_address_is_refused_told_and_counted_until_an
     router = Router([1])
     router.receive(Sender(1)(), HERE, 0.0)
     elsewhere = Sender(1)
-    router.receive(elsewhere(), THERE, 0.5)
-    router.receive(elsewhere(Attitude(yaw=2.0)), THERE, 0.6)
-    router.receive(elsewhere(), THERE, 60.0)
+    router.receive(elsewhere(), FAR, 0.5)
+    router.receive(elsewhere(Attitude(yaw=2.0)), FAR, 0.6)
+    router.receive(elsewhere(), FAR, 60.0)
     assert [type(event) for event in router.take_events()] == [AddressRefused, LinkUp, LinkLost]
     link = router.vehicle_link(1, 60.0)
-    assert (link.peer, link.refused, link.claimants) == (HERE, 3, ("127.0.0.1:14542",))
+    assert (link.peer, link.refused, link.claimants) == (HERE, 3, ("127.0.0.2:14541",))
     assert router.counters.refused == 3
     assert router.vehicles[1].state.heading_deg is None
 
-    with pytest.raises(BadInput, match=r"address: nothing was heard of system 1 from '10\.0\.0\.9:1'.*127.0.0.1:14542"):
+    with pytest.raises(BadInput, match=r"address: nothing was heard of system 1 from '10\.0\.0\.9:1'.*127.0.0.2:14541"):
         router.register(1, "10.0.0.9:1")
-    router.register(1, "127.0.0.1:14542")
-    router.receive(elsewhere(), THERE, 61.0)
+    router.register(1, "127.0.0.2:14541")
+    router.receive(elsewhere(), FAR, 61.0)
     router.receive(Sender(1)(), HERE, 61.1)
     registered, refused, up = router.take_events()
-    assert registered == AddressRegistered(system=1, address="127.0.0.1:14542", before="127.0.0.1:14541", by="operator")
-    assert refused == AddressRefused(system=1, address="127.0.0.1:14541", registered="127.0.0.1:14542")
+    assert registered == AddressRegistered(system=1, address="127.0.0.2:14541", before="127.0.0.1:14541", by="operator")
+    assert refused == AddressRefused(system=1, address="127.0.0.1:14541", registered="127.0.0.2:14541")
     assert up == LinkUp(system=1)
     router.advance(61.2)
-    assert set(destinations(router, Heartbeat)) == {THERE}
+    assert set(destinations(router, Heartbeat)) == {FAR}
 
 
 def test_a_flood_of_claims_tells_of_a_few_and_counts_all() -> None:
