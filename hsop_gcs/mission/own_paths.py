@@ -23,31 +23,44 @@ _MARGIN_M = 1.0
 """For what is rounded and thinned away."""
 _TIGHT_AFTER = 50
 """Samples: so often the box around a host's places is made anew."""
+_MOST_OPEN = 30
 _STRAIGHT_M = 0.25
 """How far a thinned path may be from the samples."""
 
 
 class _Lately:
-    """The newest places of one host, and a box around them."""
+    """The newest places of one host, thinned as they come, and a box around them."""
 
     def __init__(self) -> None:
-        self.samples: deque[Sample] = deque()
+        self._corners: deque[Sample] = deque()
+        self._open: list[Sample] = []
+        """What has come since the newest corner: as good as straight on from there."""
         self._low_m, self._high_m = [math.inf] * 3, [-math.inf] * 3
         self._until_tight = _TIGHT_AFTER
 
+    @property
+    def newest(self) -> Sample | None:
+        """Where the host was heard to be last."""
+        return self._open[-1] if self._open else None
+
     def note(self, time_s: float, position_m: Point) -> None:
-        samples = self.samples
-        if samples and time_s < samples[-1][0] + _EVERY_S:
+        if self._open and time_s < self._open[-1][0] + _EVERY_S:
             return
-        samples.append((time_s, position_m))
+        sample = time_s, position_m
+        if not self._open:
+            self._corners.append(sample)
+        elif len(self._open) >= _MOST_OPEN or not self._is_straight(sample):
+            self._corners.append(self._open[-1])
+            self._open = []
+        self._open.append(sample)
         # the one before the oldest that counts says where the host was until then
-        while len(samples) > 2 and samples[1][0] < time_s - _MEMORY_S:
-            samples.popleft()
+        while len(self._corners) > 1 and self._corners[1][0] < time_s - _MEMORY_S:
+            self._corners.popleft()
         self._until_tight -= 1
         places = [position_m]
         if self._until_tight == 0:
             self._low_m, self._high_m, self._until_tight = [math.inf] * 3, [-math.inf] * 3, _TIGHT_AFTER
-            places = [place for _, place in samples]
+            places = [place for _, place in (*self._corners, *self._open)]
         for place in places:
             self._low_m = [min(a, b) for a, b in zip(self._low_m, place, strict=True)]
             self._high_m = [max(a, b) for a, b in zip(self._high_m, place, strict=True)]
@@ -57,11 +70,27 @@ class _Lately:
         return all(self._low_m[i] - margin_m <= high_m[i] and low_m[i] <= self._high_m[i] + margin_m for i in range(3))
 
     def since(self, from_s: float) -> Path:
-        """Return the samples since a time and the one before it; the newest one at least."""
-        count = 1
-        while count < len(self.samples) and self.samples[-count][0] > from_s:
-            count += 1
-        return tuple(self.samples[index] for index in range(-count, 0))
+        """Return the host's way since a time, in few samples; where it has hovered, in one."""
+        newest = self.newest
+        assert newest is not None, "a host that was heard"
+        corners = list(self._corners)
+        while len(corners) > 1 and corners[1][0] <= from_s:
+            del corners[0]
+        if all(math.dist(place, newest[1]) <= _STRAIGHT_M for _, place in corners):
+            corners = []
+        return tuple(_rounded(sample) for sample in (*corners, newest) if sample is newest or sample[0] < newest[0])
+
+    def _is_straight(self, sample: Sample) -> bool:
+        """Whether all that is open lies on the straight way from the newest corner to a sample."""
+        (from_s, a), (to_s, b) = self._corners[-1], sample
+        for time_s, place in self._open:
+            share = (time_s - from_s) / (to_s - from_s)
+            off_m2 = 0.0
+            for i in range(3):
+                off_m2 += (a[i] + share * (b[i] - a[i]) - place[i]) ** 2
+            if off_m2 > _STRAIGHT_M**2:
+                return False
+        return True
 
 
 class OwnPaths:
@@ -88,9 +117,9 @@ class OwnPaths:
         margin_m = rules.host_doubt_m + _MARGIN_M
         oldest_s = min(now_s - OVERSHOOTS_FOR_S, min(each.time_s for each in reports)) - 1.0
         near = {
-            host: thinned(lately.since(oldest_s))
+            host: lately.since(oldest_s)
             for host, lately in self._hosts.items()
-            if lately.samples
+            if lately.newest is not None
             and lately.is_near(low_m, high_m, margin_m)
             and any(lately.is_near(place, place, margin_m) for place in places_m)
         }
@@ -98,40 +127,15 @@ class OwnPaths:
 
     def all_since(self, from_s: float, now_s: float) -> OwnAircraft:
         """Return all hosts with where they were since a time."""
-        paths = {host: thinned(lately.since(from_s)) for host, lately in self._hosts.items() if lately.samples}
+        paths = {host: lately.since(from_s) for host, lately in self._hosts.items() if lately.newest}
         return OwnAircraft(paths=paths, unheard=self._unheard(now_s))
 
     def _unheard(self, now_s: float) -> tuple[str, ...]:
         return tuple(
             host
             for host, lately in self._hosts.items()
-            if not lately.samples or now_s - lately.samples[-1][0] > _HEARD_WITHIN_S
+            if lately.newest is None or now_s - lately.newest[0] > _HEARD_WITHIN_S
         )
-
-
-def thinned(path: Path) -> Path:
-    """Return a path without the samples that lie where the others say, rounded to centimetres and milliseconds."""
-    keep = {0, len(path) - 1}
-    open_ = [(0, len(path) - 1)]
-    while open_:
-        first, last = open_.pop()
-        off_m, at = max(
-            ((_off_m(path[index], path[first], path[last]), index) for index in range(first + 1, last)),
-            default=(0.0, first),
-        )
-        if off_m > _STRAIGHT_M:
-            keep.add(at)
-            open_ += [(first, at), (at, last)]
-    if len(keep) == 2 and math.dist(path[0][1], path[-1][1]) <= _STRAIGHT_M:
-        keep = {len(path) - 1}
-    return tuple(_rounded(path[index]) for index in sorted(keep))
-
-
-def _off_m(sample: Sample, first: Sample, last: Sample) -> float:
-    spent_s = last[0] - first[0]
-    share = (sample[0] - first[0]) / spent_s if spent_s > 0 else 0.0
-    expected = [a + share * (b - a) for a, b in zip(first[1], last[1], strict=True)]
-    return math.dist(sample[1], expected)
 
 
 def _rounded(sample: Sample) -> Sample:

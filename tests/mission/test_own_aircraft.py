@@ -13,7 +13,7 @@ from hsop_gcs.journal import Journal
 from hsop_gcs.link.events import OrderFailed, OrderSuperseded
 from hsop_gcs.mission.controller import Mission
 from hsop_gcs.mission.inputs import HostStopped, ReportsArrived, Rules
-from hsop_gcs.mission.own_paths import OwnPaths, thinned
+from hsop_gcs.mission.own_paths import OwnPaths
 from hsop_gcs.mission.planning import PlanningRules
 from hsop_gcs.mission.records import from_record, to_record
 from hsop_gcs.mission.recovery import resumed
@@ -113,12 +113,12 @@ def told() -> OwnPaths:
     return paths
 
 
-def test_a_thinned_path_says_where_a_host_was_with_few_numbers() -> None:
-    path = tuple((EPOCH_S + 0.1001 * step, place) for step, place in enumerate(PLACES))
-    thin = thinned(path)
-    assert len(thin) == 4
-    assert all(math.dist(position_at(thin, time_s), place) < 0.3 for time_s, place in path)
-    assert thinned(tuple((time_s, PLACES[0]) for time_s, _ in path)) == ((round(path[-1][0], 3), PLACES[0]),)
+def test_a_way_says_where_a_host_was_with_few_numbers() -> None:
+    own = told().all_since(EPOCH_S, EPOCH_S + 12.0)
+    assert len(own.paths["h1"]) < 9
+    for step, place in enumerate(PLACES):
+        assert math.dist(position_at(own.paths["h1"], EPOCH_S + 0.1001 * step), place) < 0.3
+    assert own.paths["h2"] == ((round(EPOCH_S + 0.1001 * 119, 3), (0.0, 300.0, 30.0)),)
 
 
 def test_only_hosts_that_a_report_may_be_of_go_into_the_journal() -> None:
@@ -136,7 +136,7 @@ def test_only_hosts_that_a_report_may_be_of_go_into_the_journal() -> None:
 
 
 @pytest.mark.parametrize(
-    ("position_m", "most"), [((45.0, 0.0, 30.0), 180), ((5.0, 290.0, 30.0), 80), ((0.0, 150.0, 30.0), 40)]
+    ("position_m", "most"), [((45.0, 0.0, 30.0), 260), ((5.0, 290.0, 30.0), 80), ((0.0, 150.0, 30.0), 40)]
 )
 def test_a_report_beside_hosts_costs_the_journal_little_and_one_elsewhere_nothing(position_m: Point, most: int) -> None:
     """Of a host that has flown, of one that hovers, of none."""
