@@ -164,6 +164,11 @@ class Vehicle:
         return self._take_off.status
 
     @property
+    def takes_off(self) -> bool:
+        """Whether it is taking off as it was ordered, or still in the mode that its take-off put it in."""
+        return self._take_off.under_way
+
+    @property
     def failsafes_checked(self) -> bool:
         """Whether the parameters of its failsafes were read; see ``failsafe_problems``."""
         return self._failsafes.checked
@@ -605,7 +610,10 @@ class Vehicle:
     def _check_station(self) -> None:
         order = self._hover.order
         on_station = (
-            order is not None and self._hover.phase is Phase.ARRIVED and (order.aim is None or self._gimbal.on_target)
+            order is not None
+            and self.state.link_up
+            and self._hover.phase is Phase.ARRIVED
+            and (order.aim is None or self._gimbal.on_target)
         )
         if on_station and not self._on_station and order is not None:
             self._events.append(OnStation(system=self.system, order_id=order.order_id))

@@ -18,7 +18,7 @@ from typing import TypeVar
 from hsop_gcs.assignment import Departure, Flight, Mover
 from hsop_gcs.detections import Verdict as RayVerdict
 from hsop_gcs.detections import Watch, assimilate, let_go
-from hsop_gcs.link.events import CommandFinished, Event, OrderEvent, OrderFailed
+from hsop_gcs.link.events import CommandFinished, Event, LinkLost, LinkUp, OrderEvent, OrderFailed
 from hsop_gcs.mission.clock import Timeline
 from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus, WayGiven, progressed
 from hsop_gcs.mission.inputs import (
@@ -65,9 +65,17 @@ from hsop_gcs.tracks.crowd import with_room_for_sources
 from hsop_gcs.tracks.lifecycle import has_left
 from hsop_gcs.tracks.own import is_remote_id, remote_id
 
-_SENT_AGAIN = (OrderStatus.SENT, OrderStatus.ACCEPTED, OrderStatus.ARRIVED, OrderStatus.ON_STATION)
+_SENT_AGAIN = (
+    OrderStatus.SENT,
+    OrderStatus.ACCEPTED,
+    OrderStatus.ARRIVED,
+    OrderStatus.ON_STATION,
+    OrderStatus.UNHEARD,
+)
 """Orders of hosts that the link of a service does not watch when it starts again."""
 
+
+RECALLED = "recalled by the operator"
 
 _MOST_DISMISSED = 500
 """Ids of dismissed threats whose reports are refused, and the same of threats that cameras still see."""
@@ -191,7 +199,7 @@ def _applied(mission: MissionState, given: Input) -> MissionState:
             mission = _wished(mission, hosts, Wish.HOLD, given.time_s, by_operator=True)
             return replace(_without_orders(mission, hosts), held=True, held_hosts=mission.held_hosts.union(hosts))
         case HostsRecalled(hosts=hosts):
-            recalled = dict.fromkeys(hosts, Aside(reason="recalled by the operator", until_s=None))
+            recalled = dict.fromkeys(hosts, Aside(reason=RECALLED, until_s=None))
             aside = MappingProxyType({**mission.aside, **recalled})
             mission = _wished(mission, hosts, Wish.RECALL, given.time_s, by_operator=True)
             return replace(_without_orders(mission, hosts), held=True, aside=aside)
@@ -369,7 +377,7 @@ def _with_plan_flying(mission: MissionState, departures: tuple[Departure, ...]) 
     plans = with_proposal_flying(mission.plans)
     plan = plans.flying
     assert plan is not None
-    there = (OrderStatus.ARRIVED, OrderStatus.ON_STATION, OrderStatus.GIVEN_UP)
+    there = (OrderStatus.ARRIVED, OrderStatus.ON_STATION, OrderStatus.UNHEARD, OrderStatus.GIVEN_UP)
     progress = {host: each for host, each in mission.progress.items() if each.status in there}
     orders = {order.host: order for order in plan.decision.orders}
     for rank, departure in enumerate(departures):
@@ -449,6 +457,8 @@ def _with_event(mission: MissionState, host: str, event: Event, time_s: float) -
     if way is not None and isinstance(event, OrderEvent) and event.order_id == way.order_id:
         return replace(mission, ways_given=MappingProxyType({**mission.ways_given, host: way.after(event)}))
     progress = mission.progress.get(host)
+    if progress is not None and isinstance(event, LinkLost | LinkUp):
+        return _with_progress(mission, host, progressed(progress, event))
     if progress is None or not isinstance(event, OrderEvent) or event.order_id != progress.leg_id:
         return mission
     if isinstance(event, OrderFailed):

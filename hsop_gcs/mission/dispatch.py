@@ -15,6 +15,8 @@ from hsop_gcs.link.events import (
     Event,
     GimbalFailed,
     GimbalOffTarget,
+    LinkLost,
+    LinkUp,
     OnStation,
     OrderAccepted,
     OrderFailed,
@@ -34,6 +36,8 @@ class OrderStatus(StrEnum):
     ARRIVED = "arrived"
     ON_STATION = "on station"
     """At the hover point, and the gimbal looks where it should."""
+    UNHEARD = "not heard"
+    """It had arrived when it was heard last."""
     FAILED = "failed"
     SUPERSEDED = "superseded"
     GIVEN_UP = "given up"
@@ -146,6 +150,8 @@ def progressed(progress: OrderProgress, event: Event) -> OrderProgress:
     """Return the order's progress after an event of its present leg; a point on the way is no arrival."""
     if progress.status in (OrderStatus.WAITING, OrderStatus.GIVEN_UP):
         return progress
+    if isinstance(event, LinkLost | LinkUp):
+        return _heard(progress, is_up=isinstance(event, LinkUp))
     if not progress.on_last_leg and not isinstance(event, OrderAccepted | OrderFailed):
         return progress
     match event:
@@ -169,4 +175,13 @@ def progressed(progress: OrderProgress, event: Event) -> OrderProgress:
             )
         case OrderSuperseded():
             return replace(progress, status=OrderStatus.SUPERSEDED)
+    return progress
+
+
+def _heard(progress: OrderProgress, *, is_up: bool) -> OrderProgress:
+    """A host that is not heard is on no station; one heard again is where it was, or its link says otherwise."""
+    if is_up and progress.status is OrderStatus.UNHEARD:
+        return replace(progress, status=OrderStatus.ARRIVED, note="")
+    if not is_up and progress.status in (OrderStatus.ARRIVED, OrderStatus.ON_STATION):
+        return replace(progress, status=OrderStatus.UNHEARD, note=f"it was {progress.status} when it was heard last")
     return progress

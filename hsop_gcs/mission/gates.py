@@ -27,7 +27,13 @@ class Aircraft:
     loss: float | None = None
     """Share of its frames lost of late."""
     obeys: bool = True
-    """Whether it is in one of the modes in which we fly it or hold it."""
+    """Whether it is in one of the modes in which we fly it or hold it, or takes off as it was ordered."""
+    takes_off: bool = False
+    """Whether it takes off as it was ordered."""
+    holds: bool = False
+    """Whether it is in the mode that a hold puts it in."""
+    returns: bool = False
+    """Whether it is in a mode in which it flies home and lands."""
     reached: str | None = None
     """The leg of its route whose end it has come near."""
 
@@ -58,6 +64,8 @@ UNHEARD = frozenset({"link", "autopilot", "position", "home", "battery"})
 
 
 def mode(aircraft: Aircraft) -> str | None:
+    if aircraft.takes_off and aircraft.state.in_air:
+        return "it takes off, as it was ordered"
     return None if aircraft.obeys else f"somebody else flies it (mode {aircraft.state.mode}); hold it to take it over"
 
 

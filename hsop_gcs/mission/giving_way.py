@@ -13,7 +13,7 @@ from functools import cached_property
 from hsop_gcs.assignment import Flight, in_the_way, why_outside
 from hsop_gcs.fleet import FlightLimits
 from hsop_gcs.link.protocol.ready import position_fresh, why_not_ready
-from hsop_gcs.mission.core import MissionState, Wish
+from hsop_gcs.mission.core import RECALLED, MissionState, Wish
 from hsop_gcs.mission.evasion import (
     Approach,
     Body,
@@ -146,7 +146,7 @@ class GivingWay:
         if aside is not None and aside.until_s is None:
             return aside.reason
         if pending is not None and pending.by_operator:
-            return "recalled by the operator"
+            return RECALLED
         if not aircraft.obeys:
             return f"somebody else flies it (mode {aircraft.state.mode})"
         if mission.autonomy is Autonomy.ADVISE:

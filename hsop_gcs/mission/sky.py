@@ -12,8 +12,9 @@ from hsop_gcs.assignment import Flight, Mover
 from hsop_gcs.cameras.rig import CameraKind
 from hsop_gcs.fleet import Fleet, Host
 from hsop_gcs.geometry.frames import Aim, aim_between
+from hsop_gcs.link.adapters.adapter import Mode
 from hsop_gcs.link.pump import Link
-from hsop_gcs.mission.core import MissionState
+from hsop_gcs.mission.core import RECALLED, MissionState
 from hsop_gcs.mission.dispatch import OrderStatus, mover_of
 from hsop_gcs.mission.gates import Aircraft, Closed, closed
 from hsop_gcs.mission.traffic import Blocked, Traffic
@@ -48,7 +49,8 @@ class Sky:
             ahead_m = () if progress is None else progress.ahead_m
             at = closed(aircraft, self._fleet.limits, mission.rules.planning.airspace, ahead_m)
             aside = mission.why_aside(host_id, now_s)
-            if at is None and aside is not None:
+            as_ordered = at is not None and at.gate == "mode" and aircraft.returns and aside == RECALLED
+            if aside is not None and (at is None or as_ordered):
                 at = Closed(gate="set aside", reason=aside)
             if at is not None:
                 found[host_id] = at
@@ -140,13 +142,21 @@ class Sky:
         if flown is not None and flown.horizontal_error_m is not None and flown.vertical_error_m is not None:
             near = math.hypot(flown.horizontal_error_m, flown.vertical_error_m) <= _LEG_REACHED_M
             reached = flown.order.order_id if near else None
-        ours = () if adapter is None else (adapter.hover_mode.custom_mode, adapter.hold_mode.custom_mode)
+        takes_off = vehicle.takes_off
+
+        def is_in(*modes: Mode) -> bool:
+            return state.custom_mode in {mode.custom_mode for mode in modes}
+
         return Aircraft(
             id=host.id,
             state=state,
             now_s=now_s,
             position_m=position_m,
             loss=self._link.vehicle_link(host.system_id).loss,
-            obeys=state.custom_mode in ours,
+            obeys=adapter is not None
+            and (is_in(adapter.hover_mode, adapter.hold_mode) or (takes_off and is_in(adapter.climb_mode))),
+            takes_off=takes_off,
+            holds=adapter is not None and is_in(adapter.hold_mode),
+            returns=adapter is not None and is_in(*adapter.return_modes),
             reached=reached,
         )

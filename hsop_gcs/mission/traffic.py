@@ -15,6 +15,7 @@ Whatever it does, a host gives way to a threat that comes too near (``giving_way
 Pure: the mission and its aircraft go in, inputs for the mission come out. The shell journals them, then acts on them.
 """
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -23,7 +24,8 @@ from types import MappingProxyType
 
 from hsop_gcs.assignment import Flight, FlightRules, Mover, gains_by_staying, in_the_way, safe_route, why_unsafe
 from hsop_gcs.fleet import FlightLimits
-from hsop_gcs.mission.core import MissionState, Pending, situation
+from hsop_gcs.link.protocol.ready import position_fresh
+from hsop_gcs.mission.core import MissionState, Pending, Wish, situation
 from hsop_gcs.mission.dispatch import OrderProgress, OrderStatus
 from hsop_gcs.mission.evasion import ACCELERATION_MPS2, LOOK_S, REACTION_S, Approach
 from hsop_gcs.mission.gates import Aircraft, Closed
@@ -50,6 +52,9 @@ _TURN_EARLIER_S = 2.0
 way. What is predicted for later will have changed by then: a host that heeded it would stop and go all the way."""
 _STAYS_S = 5.0
 """So long a host that gave way has to be able to stay at its hover point, before it goes back there."""
+_SETTLED_S, _STILL_MPS = 4.0, 0.5
+"""So long after a wish, and slower than this, a host that holds stands still; PX4 at rest reports up to 0.7 m/s now and
+then."""
 _SEEK_EVERY_S = 1.0
 """Between attempts to find a way for a host that waits: seeking one takes long."""
 _TURN_EVERY_S = 2.0
@@ -188,7 +193,21 @@ class Traffic:
             return None
         if aircraft.state.armed is False:
             return "the vehicle is not armed"
+        if (done := self._why_done(aircraft, pending)) is not None:
+            return done
         return None if pending.by_operator or aircraft.obeys else f"somebody else flies it (mode {aircraft.state.mode})"
+
+    def _why_done(self, aircraft: Aircraft, pending: Pending) -> str | None:
+        """Why a wish is fulfilled though no answer said so; an answer may be lost, telemetry shows what is."""
+        state = aircraft.state
+        if self.now_s < pending.since_s + _SETTLED_S or not position_fresh(state, aircraft.now_s):
+            return None
+        if state.in_air is False:
+            return "the vehicle is on the ground"
+        if pending.wish is Wish.RECALL:
+            return f"it returns (mode {state.mode})" if aircraft.returns else None
+        speed_mps = math.inf if state.velocity_enu_mps is None else math.hypot(*state.velocity_enu_mps)
+        return f"it stands still (mode {state.mode})" if aircraft.holds and speed_mps < _STILL_MPS else None
 
     def _stuck(self, host: str, progress: OrderProgress) -> bool:
         """Whether nothing keeps it back but what is in its way, since it was stopped long ago."""

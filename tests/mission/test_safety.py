@@ -152,6 +152,9 @@ def test_recall_brings_everybody_home_and_nothing_sends_them_out_again(autopilot
     assert {mission.vehicle(host).state.mode for host in mission.fleet.hosts} <= {"Return", "RTL", "Land"}
     assert all(math.hypot(east, north) < 20.0 for east, north, _ in places_m(mission).values())
     assert mission.state.why_aside("h1", mission.clock()) == "recalled by the operator"
+    assert {at.reason for at in mission.unavailable().values()} == {"recalled by the operator"}, (
+        "nobody else flies them"
+    )
     assert kinds(mission).count("HostDeparted") == 2
 
 
@@ -217,6 +220,9 @@ def test_nobody_takes_off_unless_an_operator_says_so() -> None:
             assert {host: at.gate for host, at in mission.unavailable().items()} == {"h1": "armed", "h2": "armed"}
             assert mission.state.plans.flying is None
             mission.take_off(20.0, ["h1"])
+        elif states[0].in_air and (altitude_m := states[0].altitude_above_home_m or 0.0) < 18.0:
+            assert altitude_m < 18.0
+            assert mission.unavailable()["h1"].reason == "it takes off, as it was ordered"
 
     mission = flown(watch, duration_s=32.0, altitude_m=0.0)
     in_air = {host.id: mission.vehicle(host).state.in_air for host in mission.fleet.hosts}

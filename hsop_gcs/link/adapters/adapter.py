@@ -42,6 +42,10 @@ class Adapter:
     """It flies to hover points inside its hold mode: only a reposition to where it is stops it."""
     take_off_mode: Mode
     """The mode it must be in before arming for a take-off."""
+    climb_mode: Mode
+    """The mode in which it climbs when it takes off; it leaves one that is not the hover mode by itself."""
+    return_modes: tuple[Mode, ...]
+    """The modes in which it flies home and lands."""
     take_off_altitude_is_amsl: bool
     """Else it is above home."""
     heading_needs_follow_up: bool

@@ -58,6 +58,7 @@ class TakeOff:
         self._tries = 0
         self._refusal = ""
         self._seen_armed = False
+        self._climbs = False
         self._adapter: Adapter | None = None
         """That of the autopilot which was given the order."""
         self._kind = ""
@@ -81,7 +82,7 @@ class TakeOff:
             self._failed = problem
             self._events.append(OrderFailed(system=self._system, order_id=order_id, reason=problem))
             return
-        self.order_id = order_id
+        self.order_id, self._climbs = order_id, True
         self._altitude_m = altitude_above_home_m
         self._ticket, self._tries, self._refusal, self._seen_armed = None, 0, "", False
         self._adapter = self._telemetry.adapter
@@ -96,6 +97,11 @@ class TakeOff:
         if self.order_id is not None:
             self._events.append(OrderSuperseded(system=self._system, order_id=self.order_id))
         self.order_id, self._step, self._failed = None, _Step.IDLE, None
+
+    @property
+    def under_way(self) -> bool:
+        """Whether the vehicle takes off as it was ordered, or is still in the mode that this has put it in."""
+        return self.order_id is not None or self._climbs
 
     def give_up(self, reason: str, now: float) -> None:
         """End a take-off under way, if any, without success."""
@@ -115,6 +121,7 @@ class TakeOff:
         """Take a message of the autopilot; ``Telemetry`` has had it already."""
         del message  # what counts is the state it made
         if self._step is _Step.IDLE:
+            self._climbs = self._climbs and self._in_climb_mode()
             return
         if self._telemetry.state.kind != self._kind:
             kind = self._telemetry.state.kind
@@ -223,6 +230,11 @@ class TakeOff:
     def _in_take_off_mode(self) -> bool:
         adapter = self._adapter
         return adapter is not None and self._telemetry.state.custom_mode == adapter.take_off_mode.custom_mode
+
+    def _in_climb_mode(self) -> bool:
+        """Whether it is in the mode in which it climbs, and which is none for anything else."""
+        adapter, mode = self._adapter, self._telemetry.state.custom_mode
+        return adapter is not None and mode == adapter.climb_mode.custom_mode != adapter.hover_mode.custom_mode
 
     def _refused(self, outcome: Outcome, now: float) -> None:
         texts = self._telemetry.state.texts
