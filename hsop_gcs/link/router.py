@@ -141,6 +141,7 @@ class Router:
         lost = self._missing(peer, system, component, sequence)
         self._lost += lost
         account.take(lost, now)
+        self.vehicles[system].pass_over(message_id(raw), component)
         kind = _TIMED.get(message_id(raw))
         if kind is not None and component == self.vehicles[system].state.component:
             account.timed.receive(kind(time_boot_ms=int.from_bytes(raw[10 : 10 + min(raw[1], 4)], "little")), now)

@@ -43,7 +43,7 @@ from hsop_gcs.link.protocol.one_aircraft import OneAircraft
 from hsop_gcs.link.protocol.ready import why_not_ready, why_not_stopped
 from hsop_gcs.link.protocol.round_trip import RoundTrip
 from hsop_gcs.link.protocol.speaker import Speaker, is_foreign, is_taken, what_speaks
-from hsop_gcs.link.protocol.subscriptions import Subscriptions
+from hsop_gcs.link.protocol.subscriptions import RATES_HZ, Subscriptions
 from hsop_gcs.link.protocol.take_off import TakeOff, set_mode
 from hsop_gcs.link.protocol.telemetry import Telemetry, VehicleState
 
@@ -90,6 +90,10 @@ class Progress:
     """Positive: too far clockwise."""
     gimbal_error_deg: float | None
     on_station: bool
+
+
+_KINDS = {kind.ID: kind for kind in RATES_HZ}
+"""The messages whose rates are watched, by their ids."""
 
 
 class Vehicle:
@@ -340,6 +344,12 @@ class Vehicle:
         self._subscriptions.lead(self._gimbal.device, now)
         self._subscriptions.receive(message, now, component=component)
         self._collect(now)
+
+    def pass_over(self, number: int, component: int) -> None:
+        """Count a message, by its id, that came and is not read because a newer one of its kind has come."""
+        kind = _KINDS.get(number)
+        if kind is not None:
+            self._subscriptions.count(kind, component=component)
 
     def is_foreign(self, message: Message, component: int) -> bool:
         """Whether a message is a heartbeat under the autopilot's ids that is not the autopilot's."""

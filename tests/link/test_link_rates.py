@@ -4,12 +4,22 @@ from itertools import pairwise
 
 import pytest
 
-from hsop_gcs.link.codec import Frame
-from hsop_gcs.link.enums import MavCmd, MavResult
+from hsop_gcs.link.codec import Encoder, Frame
+from hsop_gcs.link.endpoint import Peer
+from hsop_gcs.link.enums import MavAutopilot, MavCmd, MavResult, MavType
 from hsop_gcs.link.events import AutopilotRestarted, OrderFailed, StreamRateFell, StreamRateNotKept
-from hsop_gcs.link.messages import Attitude, CommandAck, CommandLong, GlobalPositionInt, HomePosition, Message
+from hsop_gcs.link.messages import (
+    Attitude,
+    CommandAck,
+    CommandLong,
+    GlobalPositionInt,
+    Heartbeat,
+    HomePosition,
+    Message,
+)
 from hsop_gcs.link.protocol.command import CommandSender
 from hsop_gcs.link.protocol.subscriptions import RATES_HZ, Subscriptions
+from hsop_gcs.link.router import Router
 from tests.link.two_ends import BOTH, Stack, TwoEnds
 
 HZ = 1.0
@@ -191,3 +201,21 @@ def test_an_autopilot_that_restarts_within_a_moment_is_told_and_asked_anew(stack
     ends.run(5.0)
     assert heard[1] == pytest.approx(5.0 * RATES_HZ[Attitude], abs=5)
     ends.ready()
+
+
+def test_what_a_service_that_is_behind_does_not_read_is_no_fallen_rate() -> None:
+    router, peer = Router([1]), Peer(0, "127.0.0.1", 14541)
+    vehicle = Encoder(system=1, component=1)
+    for tick in range(20 * 60):
+        now = tick / 20
+        if tick % 20 == 0:
+            beat = Heartbeat(type=MavType.QUADROTOR, autopilot=MavAutopilot.PX4)
+            router.receive(vehicle.encode(beat), peer, now)
+        raw = vehicle.encode(Attitude(time_boot_ms=1000 + 50 * tick))
+        if now > 30.0 and tick % 20:
+            router.pass_over(raw, peer, now)
+        else:
+            router.receive(raw, peer, now)
+        router.advance(now)
+        router.take_outgoing()
+    assert [event for event in router.take_events() if isinstance(event, StreamRateFell)] == []

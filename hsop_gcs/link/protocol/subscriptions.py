@@ -137,7 +137,11 @@ class Subscriptions:
     def receive(self, message: Message, now: float, *, component: int = MavComponent.AUTOPILOT1) -> None:
         """Count a message that came from whom it is wanted."""
         del now
-        wanted = self._wanted.get(type(message))
+        self.count(type(message), component=component)
+
+    def count(self, kind: type[Message], *, component: int) -> None:
+        """Count a message that came, also one that nobody read because a newer one had come."""
+        wanted = self._wanted.get(kind)
         if wanted is not None and wanted.component == component:
             wanted.count += 1
             wanted.heard = True
