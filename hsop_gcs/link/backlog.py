@@ -24,7 +24,7 @@ from hsop_gcs.link.messages import (
 MOST_WAITING = 4096
 _OLD_S = 0.5
 """What has waited for so long is looked through for states that are out of date."""
-_BEHIND_S = 1.0
+_BEHIND_S = 1.5
 _CAUGHT_UP_S = 0.3
 _FOR_S = 3.0
 _DEVICE_AT = 48
@@ -121,7 +121,7 @@ def _state_of(arrived: Arrived) -> _Key | None:
 class Lag:
     """How late the pump is, and whether that is so much that nothing new is begun.
 
-    in time ──a second late──► behind ──three seconds without a third of a second's lateness──► in time
+    in time ──1.5 s late──► behind ──three seconds without a third of a second's lateness──► in time
     """
 
     def __init__(self) -> None:

@@ -102,15 +102,15 @@ def test_a_state_that_is_passed_over_came_and_is_no_loss() -> None:
     assert router.vehicle_link(1, 6.0).received == 61
 
 
-def test_a_lag_begins_at_a_second_and_ends_after_three_in_time() -> None:
+def test_a_lag_begins_at_one_and_a_half_seconds_and_ends_after_three_in_time() -> None:
     lag = Lag()
-    lag.note(0.9, 0.0)
+    lag.note(1.4, 0.0)
     assert not lag.behind
-    lag.note(1.5, 1.0)
+    lag.note(1.6, 1.0)
     assert lag.behind
     for tenth in range(11, 40):
         lag.note(0.2, tenth / 10)
-        assert (lag.behind, lag.longest_s) == (True, 1.5)
+        assert (lag.behind, lag.longest_s) == (True, 1.6)
     lag.note(0.0, 4.1)
     assert (lag.behind, lag.longest_s) == (False, 0.0)
 
