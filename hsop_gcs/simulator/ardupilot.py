@@ -32,6 +32,7 @@ from hsop_gcs.link.messages import (
     GpsGlobalOrigin,
     HomePosition,
     Message,
+    MessageInterval,
     PositionTargetGlobalInt,
     RequestDataStream,
     SetMode,
@@ -64,6 +65,8 @@ _X, _V, _A = 0x007, 0x038, 0x1C0
 _FIRST_COMPLAINT_S, _COMPLAINT_EVERY_S = 6.4, 30.0
 _DISARM_IDLE_S = 10.0
 _YAW_ALIGNED_M = 2.6
+_ALT_MAX, _CIRCLE, _POLYGON, _ALT_MIN = 1, 2, 4, 8
+"""FENCE_TYPE."""
 _FORCE = {2989, 21196}
 _NOSE_TO_COURSE_BEYOND_M = 2.0
 
@@ -73,8 +76,12 @@ class ArduCopter(Vehicle):
 
     AUTOPILOT = MavAutopilot.ARDUPILOTMEGA
     SPOOL_UP_S = 3.2
+    BRAKES_AFTER_S = 0.75
+    STOPS_WHERE_PREDICTED = False
     GPS_FIX = 6
     FENCE_INSIDE_ALL = True
+    UNKNOWN_INTERVAL_US = 0
+    UNKNOWN_INTERVAL_RESULT = MavResult.FAILED
     HOME_KNOWN_AFTER = 0.5  # its estimator has an origin some 20 s after power-up, and uses GPS after 40
 
     def __init__(self, config: VehicleConfig, *, now: float, rng: np.random.Generator) -> None:
@@ -122,6 +129,15 @@ class ArduCopter(Vehicle):
     def interval_refused(self, message_id: int) -> MavResult:
         self.say(f"No ap_message for mavlink id ({message_id})")
         return MavResult.DENIED
+
+    def command_addressed(self, system: int, component: int, command: int) -> bool:  # noqa: ARG002
+        """A command to a component that it knows no way to, the stack carries out itself."""
+        return system in (0, self.config.system)
+
+    def _set_message_interval(self, order: Order) -> MavResult:
+        if order.p3 != 0 or order.p2 <= -2:
+            return MavResult.DENIED
+        return super()._set_message_interval(order)
 
     def became_ready(self) -> None:
         for unit in range(2):
@@ -231,7 +247,7 @@ class ArduCopter(Vehicle):
         target = self._target(order.frame, order.lat_deg, order.lon_deg, order.z)
         if target is None:
             return MavResult.DENIED
-        if self.parameters["FENCE_ENABLE"] and self.outside_fence(target, self.parameters["FENCE_RADIUS"]):
+        if self.parameters["FENCE_ENABLE"] and self._fenced(target):
             return MavResult.FAILED
         if self.mode != Mode.GUIDED and self._enter(Mode.GUIDED) != MavResult.ACCEPTED:
             return MavResult.FAILED
@@ -239,6 +255,14 @@ class ArduCopter(Vehicle):
             self._paused = None
             self.fly_to(FlightGoal(position_m=target, heading_rad=self._course(target), cruise_mps=self._cruise))
         return MavResult.ACCEPTED
+
+    def _fenced(self, target: Point) -> bool:
+        """Whether the fence that is switched on forbids a place, by the kinds of fence that count."""
+        kinds, above_home_m = round(self.parameters["FENCE_TYPE"]), target[2] - self._home_up_m
+        too_high = bool(kinds & _ALT_MAX) and above_home_m > self.parameters["FENCE_ALT_MAX"]
+        too_low = bool(kinds & _ALT_MIN) and above_home_m < self.parameters["FENCE_ALT_MIN"]
+        too_far = bool(kinds & _CIRCLE) and self.outside_radius(target, self.parameters["FENCE_RADIUS"])
+        return too_high or too_low or too_far or (bool(kinds & _POLYGON) and self.fence.outside(target))
 
     def _position_order(self, message: SetPositionTargetGlobalInt) -> None:
         """Fly to a position; anything else that is said, or said wrongly, stops the vehicle.
@@ -348,7 +372,9 @@ class ArduCopter(Vehicle):
         return MavResult.ACCEPTED
 
     def _request_message(self, order: Order) -> MavResult:
-        """The acknowledgement comes first, the message behind it."""
+        """The acknowledgement comes first, the message behind it; but an interval is told at once."""
+        if whole(order.p1) == MessageInterval.ID:
+            return self.tell_interval(whole(order.p2))
         return self._send_later(whole(order.p1))
 
     def _send_later(self, message_id: int) -> MavResult:

@@ -25,6 +25,8 @@ from hsop_gcs.simulator.gimbal import Gimbal, GimbalLimits, Identity
 _REACHED_M = 0.3
 _TOUCHDOWN_S = 1.0
 _BELOW_GROUND_M = -0.5
+_AT_REST_MPS = 1.0
+_PREDICTED_LEAN_S = 0.6
 _SOMEBODY_ELSE: Identity = (254, 190)
 """The ground station that takes a gimbal away."""
 
@@ -61,6 +63,10 @@ class Body:
 
     SPOOL_UP_S: float
     """From the order to take off until the vehicle reports that it does."""
+    BRAKES_AFTER_S: float
+    """From the order to stop until it has leant back; so long it flies on as before."""
+    STOPS_WHERE_PREDICTED: bool
+    """Whether it returns to where it expected to stop when the order came; else it stays where it comes to rest."""
 
     def __init__(self, config: VehicleConfig, rng: np.random.Generator, now: float) -> None:
         self.config = config
@@ -79,6 +85,8 @@ class Body:
         self.boot_at = self._now = self._moved_until = now
         self._lift_off_at: float | None = None
         self._ground_contact_at: float | None = None
+        self._brake_at: float | None = None
+        self._stop_at_m: Point | None = None
         self._wander_phases = tuple(float(phase) for phase in rng.uniform(0.0, 2 * math.pi, size=3))
         self._weather = Weather(config.wind, rng)
         self._receiver = Receiver(config.gps, rng)
@@ -123,15 +131,30 @@ class Body:
 
     def fly_to(self, *legs: FlightGoal) -> None:
         """Leave whatever was being done and fly these legs, one after the other."""
+        self._brake_at = None
         self.goal = legs[0]
         self._legs = deque(legs[1:])
         if self.landed != MavLandedState.ON_GROUND:
             self.landed = MavLandedState.IN_AIR
 
     def hold(self) -> None:
-        """Stop and hover here."""
-        if self.in_air:
+        """Stop and hover: at once if it hardly moves, else after leaning back."""
+        if not self.in_air:
+            return
+        if self.state.ground_speed_mps < _AT_REST_MPS:
             self.fly_to(FlightGoal(position_m=self.stopping_point_m))
+        elif self._brake_at is None:
+            self._legs.clear()
+            self._brake_at = self._now + self.BRAKES_AFTER_S
+            self._stop_at_m = self.predicted_stop_m if self.STOPS_WHERE_PREDICTED else None
+
+    @property
+    def predicted_stop_m(self) -> Point:
+        """Where an autopilot expects to come to rest that is told to stop now, by its speed alone."""
+        seconds = self.state.ground_speed_mps / (2 * self.config.flight.acceleration_mps2) + _PREDICTED_LEAN_S
+        east, north, up = self.state.position_m
+        ve, vn, _ = self.state.velocity_mps
+        return east + ve * seconds, north + vn * seconds, up
 
     @property
     def stopping_point_m(self) -> Point:
@@ -142,9 +165,9 @@ class Body:
         ve, vn, _ = self.state.velocity_mps
         return east + ve * seconds, north + vn * seconds, up
 
-    def take_off_to(self, up_m: float) -> None:
-        """Spool up, then climb to ``up_m`` above the local origin."""
-        self.goal = FlightGoal(position_m=(*self.state.position_m[:2], up_m))
+    def take_off_to(self, up_m: float, *, climb_mps: float | None = None) -> None:
+        """Spool up, then climb to ``up_m`` above the local origin, at a speed of its own or the airframe's."""
+        self.goal = FlightGoal(position_m=(*self.state.position_m[:2], up_m), climb_mps=climb_mps)
         self._legs.clear()
         self._lift_off_at = self._now + self.SPOOL_UP_S
 
@@ -189,7 +212,7 @@ class Body:
         east, north, up = (float(value) for value in self.local.to_enu(point))
         return east, north, up
 
-    def outside_fence(self, target_m: Point, radius_m: float) -> bool:
+    def outside_radius(self, target_m: Point, radius_m: float) -> bool:
         """Whether a point, local ENU, is farther from home than a radius; 0 fences nothing."""
         home = self.local.to_enu(self.home)
         return radius_m > 0 and math.hypot(target_m[0] - home[0], target_m[1] - home[1]) > radius_m
@@ -222,6 +245,8 @@ class Body:
 
     def _step(self) -> None:
         self._find_position()
+        if self._brake_at is not None and self._now >= self._brake_at:
+            self.fly_to(FlightGoal(position_m=self._stop_at_m or self.stopping_point_m))
         if self._lift_off_at is not None and self.armed and self._now >= self._lift_off_at:
             self._lift_off_at = None
             self.landed = MavLandedState.TAKEOFF

@@ -44,6 +44,8 @@ class FlightGoal:
     heading_rad: float | None = None
     cruise_mps: float | None = None
     """Horizontal speed of this leg; None is the airframe's own."""
+    climb_mps: float | None = None
+    """Vertical speeds of this leg; None are the airframe's own."""
     descent_mps: float | None = None
 
 
@@ -106,7 +108,8 @@ def step(
 
     vertical_mps = math.copysign(_approach_speed(abs(up), limits.vertical_acceleration_mps2), up)
     descent_mps = limits.descent_mps if goal.descent_mps is None else goal.descent_mps
-    vertical_mps = min(limits.climb_mps, max(-descent_mps, vertical_mps))
+    climb_mps = limits.climb_mps if goal.climb_mps is None else goal.climb_mps
+    vertical_mps = min(climb_mps, max(-descent_mps, vertical_mps))
     au_limit = limits.vertical_acceleration_mps2
     au = min(au_limit, max(-au_limit, (vertical_mps - vu) / dt_s))
 

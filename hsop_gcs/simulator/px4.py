@@ -3,7 +3,8 @@
 Its surprises, all on purpose: DO_REPOSITION takes its altitude as AMSL whatever the frame says; its flags must be 1,
 else UNSUPPORTED, though the navigator may move all the same; a point outside the fence is ACCEPTED and not flown; x and
 y of a COMMAND_INT are scaled by 1e-7 whatever they mean; DO_SET_MODE is acknowledged twice, at first without looking;
-told to return or land on the ground it stays in that mode, in which it does not arm.
+told to return or land on the ground it stays in that mode, in which it does not arm; it takes off slowly;
+told to stop it flies back to where it had expected to.
 Its gimbal manager has a module of its own.
 
 Sources: a recording of v1.16.0; PX4-Autopilot Commander.cpp, navigator_main.cpp.
@@ -20,6 +21,7 @@ from hsop_gcs.link.enums import (
     MavAutopilot,
     MavBatteryChargeState,
     MavCmd,
+    MavComponent,
     MavModeFlag,
     MavResult,
     MavSeverity,
@@ -30,7 +32,9 @@ from hsop_gcs.link.messages import (
     GimbalManagerInformation,
     GimbalManagerSetAttitude,
     GlobalPositionInt,
+    Heartbeat,
     Message,
+    MessageInterval,
     SetMode,
 )
 from hsop_gcs.simulator.battery import Thresholds
@@ -55,6 +59,7 @@ class Mode(IntEnum):
 
 
 _NOT_TO_ARM_IN = {Mode.RETURN, Mode.LAND}
+_HEARD_BY_ALL = {MavCmd.REQUEST_AUTOPILOT_CAPABILITIES, MavCmd.REQUEST_PROTOCOL_VERSION}
 _ON_REQUEST = {AutopilotVersion.ID, GimbalManagerInformation.ID}
 _INT32_MAX = 2**31 - 1
 _DISARM_UNFLOWN_S = 10.0
@@ -68,9 +73,13 @@ class Px4(Vehicle):
 
     AUTOPILOT = MavAutopilot.PX4
     SPOOL_UP_S = 1.9
+    BRAKES_AFTER_S = 1.0
+    STOPS_WHERE_PREDICTED = True
     GPS_FIX = 3
     FENCE_INSIDE_ALL = False
     HOME_KNOWN_AFTER = 0.0
+    UNKNOWN_INTERVAL_US = -1
+    UNKNOWN_INTERVAL_RESULT = MavResult.ACCEPTED
 
     def __init__(self, config: VehicleConfig, *, now: float, rng: np.random.Generator) -> None:
         self.mode = Mode.HOLD
@@ -82,9 +91,11 @@ class Px4(Vehicle):
             {
                 "MAV_SYS_ID": Parameter(config.system, INT32),
                 "MIS_TAKEOFF_ALT": Parameter(2.5),
+                "MPC_TKO_SPEED": Parameter(1.5),
                 "MPC_XY_CRUISE": Parameter(config.flight.cruise_mps),
                 "RTL_RETURN_ALT": Parameter(30.0),
                 "GF_MAX_HOR_DIST": Parameter(0.0),
+                "GF_MAX_VER_DIST": Parameter(0.0),
                 "COM_DISARM_LAND": Parameter(2.0),
                 "BAT_LOW_THR": Parameter(0.15),
                 "BAT_CRIT_THR": Parameter(0.07),
@@ -131,6 +142,19 @@ class Px4(Vehicle):
 
     def interval_refused(self, message_id: int) -> MavResult:  # noqa: ARG002
         return MavResult.FAILED
+
+    def command_addressed(self, system: int, component: int, command: int) -> bool:
+        """What is addressed to everybody, or to another component, is ignored in silence."""
+        if command in _HEARD_BY_ALL:
+            return system in (0, self.config.system)
+        return system == self.config.system and component in (MavComponent.ALL, MavComponent.AUTOPILOT1)
+
+    def _set_message_interval(self, order: Order) -> MavResult:
+        """Neither heartbeats nor what later versions of the command can say."""
+        more = any(math.isfinite(value) and round(value) != 0 for value in (order.p3, order.p4, order.z))
+        if more or whole(order.p1) == Heartbeat.ID:
+            return MavResult.FAILED
+        return super()._set_message_interval(order)
 
     def position_lost(self) -> None:
         if self.in_air:
@@ -219,7 +243,8 @@ class Px4(Vehicle):
         if not math.isfinite(altitude_amsl_m):
             altitude_amsl_m = self.home.altitude_amsl_m + self.parameters["MIS_TAKEOFF_ALT"]
         here = self.local.to_geodetic(np.array(self.state.position_m))
-        self.take_off_to(self.place_of(here.lat_deg, here.lon_deg, altitude_amsl_m)[2])
+        up_m = self.place_of(here.lat_deg, here.lon_deg, altitude_amsl_m)[2]
+        self.take_off_to(up_m, climb_mps=self.parameters["MPC_TKO_SPEED"])
 
     def _enter(self, mode: Mode) -> MavResult:
         """Change the mode and start what it means; Hold goes on with a reposition that is flown inside it."""
@@ -276,12 +301,17 @@ class Px4(Vehicle):
         return result
 
     def _navigate(self, order: Order) -> None:
+        if all(map(_unset, (order.x, order.y))) and math.isnan(order.z) and math.isnan(order.p4):
+            self.hold()
+            return
         here = self.local.to_geodetic(np.array(self.state.position_m))
         lat_deg = here.lat_deg if _unset(order.x) else order.lat_deg
         lon_deg = here.lon_deg if _unset(order.y) else order.lon_deg
         altitude_amsl_m = here.altitude_amsl_m if math.isnan(order.z) else order.z
         target = self.place_of(lat_deg, lon_deg, altitude_amsl_m)
-        if self.outside_fence(target, self.parameters["GF_MAX_HOR_DIST"]):
+        ceiling_m = self.parameters["GF_MAX_VER_DIST"]
+        too_high = 0 < ceiling_m < target[2] - float(self.local.to_enu(self.home)[2])
+        if too_high or self.outside_fence(target, self.parameters["GF_MAX_HOR_DIST"]):
             self._say("Reposition is outside geofence", MavSeverity.CRITICAL)
             self.hold()
             return
@@ -316,6 +346,8 @@ class Px4(Vehicle):
 
     def _request_message(self, order: Order) -> MavResult:
         """The message comes before its acknowledgement; what is not streamed is DENIED."""
+        if whole(order.p1) == MessageInterval.ID:
+            return self.tell_interval(whole(order.p2))
         return self._send(whole(order.p1))
 
     def _send(self, message_id: int) -> MavResult:

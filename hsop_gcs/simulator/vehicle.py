@@ -48,6 +48,7 @@ from hsop_gcs.simulator.telemetry import SAMPLERS, Situation, e7, mm
 
 _STATUS_TEXT_LENGTH = 50
 _SHORTEST_INTERVAL_S = 0.01
+_UINT16_MAX = 0xFFFF
 _NO_FIX = 1
 
 Handler = Callable[[Order], MavResult | None]
@@ -63,6 +64,10 @@ class Vehicle(Body):
     """Whether it must be inside of all the inclusions of its fence, or of one."""
     HOME_KNOWN_AFTER: float
     """When home is told, as a share of the time until the vehicle is ready to fly."""
+    UNKNOWN_INTERVAL_US: int
+    """What is told as the interval of a message that the stack does not know."""
+    UNKNOWN_INTERVAL_RESULT: MavResult
+    """And the answer to the question."""
 
     def __init__(
         self,
@@ -195,7 +200,7 @@ class Vehicle(Body):
 
     def outside_fence(self, target_m: Point, radius_m: float) -> bool:
         """Whether the uploaded fence or the radius about home forbids a place."""
-        return self.fence.outside(target_m) or super().outside_fence(target_m, radius_m)
+        return self.fence.outside(target_m) or self.outside_radius(target_m, radius_m)
 
     def _set_message_interval(self, order: Order) -> MavResult:
         message_id, interval_us = whole(order.p1), order.p2
@@ -210,13 +215,17 @@ class Vehicle(Body):
         return MavResult.ACCEPTED
 
     def _get_message_interval(self, order: Order) -> MavResult:
-        message_id = whole(order.p1)
-        if message_id not in self.streamable:
-            return MavResult.FAILED
-        interval_s = self._streams.interval_s(message_id)
+        return self.tell_interval(whole(order.p1))
+
+    def tell_interval(self, message_id: int) -> MavResult:
+        """Send a message's interval, before the acknowledgement; return what the acknowledgement says."""
+        known = message_id in self.streamable
+        interval_s = self._streams.interval_s(message_id) if known else None
         interval_us = -1 if interval_s is None else round(interval_s * 1e6)
-        self._after_ack.append(MessageInterval(message_id=message_id, interval_us=interval_us))
-        return MavResult.ACCEPTED
+        if not known:
+            interval_us = self.UNKNOWN_INTERVAL_US
+        self._queue(MessageInterval(message_id=message_id & _UINT16_MAX, interval_us=interval_us))
+        return MavResult.ACCEPTED if known else self.UNKNOWN_INTERVAL_RESULT
 
     def _request_message(self, order: Order) -> MavResult:
         raise NotImplementedError
@@ -277,8 +286,14 @@ class Vehicle(Body):
         self._outgoing.extend(self._after_ack)
         self._after_ack.clear()
 
+    def command_addressed(self, system: int, component: int, command: int) -> bool:
+        """Whether a stack takes a command with these targets for its own."""
+        raise NotImplementedError
+
     def _addressed(self, message: Message) -> bool:
         """Whether a message is for this autopilot: exactly, to all of the system, or to everybody."""
+        if isinstance(message, CommandLong | CommandInt):
+            return self.command_addressed(message.target_system, message.target_component, message.command)
         system = getattr(message, "target_system", 0)
         component = getattr(message, "target_component", 0)
         return system in (0, self.config.system) and component in (MavComponent.ALL, MavComponent.AUTOPILOT1)

@@ -21,6 +21,7 @@ from hsop_gcs.link.messages import (
     Heartbeat,
     HomePosition,
     Message,
+    MessageInterval,
     MissionCount,
     MissionRequestList,
     ParamRequestRead,
@@ -253,6 +254,52 @@ def test_a_requested_message_follows_its_acknowledgement(hovering: Station) -> N
 def test_an_unknown_message_has_no_interval_and_the_vehicle_says_so(hovering: Station) -> None:
     assert hovering.command_long(MavCmd.SET_MESSAGE_INTERVAL, param1=9999.0, param2=1e6) == MavResult.DENIED
     assert "No ap_message for mavlink id (9999)" in hovering.texts
+    assert hovering.command_long(MavCmd.GET_MESSAGE_INTERVAL, param1=9999.0) == MavResult.FAILED
+    assert hovering.last(MessageInterval) == MessageInterval(message_id=9999, interval_us=0)
+    assert hovering.command_long(MavCmd.REQUEST_MESSAGE, param1=244.0, param2=33.0) == MavResult.ACCEPTED
+    assert hovering.last(MessageInterval) == MessageInterval(message_id=33, interval_us=-1)
+    for interval_us, more in ((-2.0, 0.0), (1e6, 1.0)):
+        result = hovering.command_long(MavCmd.SET_MESSAGE_INTERVAL, param1=33.0, param2=interval_us, param3=more)
+        assert result == MavResult.DENIED
+
+
+@pytest.mark.parametrize(("system", "component"), [(1, 154), (1, 100), (0, 0), (0, 1)])
+def test_a_command_to_a_component_that_is_not_there_is_carried_out_by_the_autopilot(
+    hovering: Station, system: int, component: int
+) -> None:
+    targets: dict[str, Any] = {"target_system": system, "target_component": component}
+    assert hovering.command_long(MavCmd.NAV_LAND, **targets) == MavResult.ACCEPTED
+    assert hovering.command_long(MavCmd.NAV_LAND, target_system=2) is None
+
+
+@pytest.mark.parametrize(("name", "value", "up_m"), [("FENCE_ALT_MAX", 40.0, 41.0), ("FENCE_ALT_MIN", 15.0, 14.0)])
+def test_a_point_above_or_below_the_fence_is_refused_if_that_kind_of_fence_counts(
+    hovering: Station, name: str, value: float, up_m: float
+) -> None:
+    def set_to(name: str, value: float) -> None:
+        hovering.send(ParamSet(target_system=1, target_component=1, param_id=name, param_value=value))
+
+    set_to(name, value)
+    assert hovering.reposition(0.0, 0.0, up_m) == MavResult.ACCEPTED
+    set_to("FENCE_ENABLE", 1.0)
+    set_to("FENCE_TYPE", 1.0 + 8.0)
+    assert hovering.reposition(0.0, 0.0, up_m) == MavResult.FAILED
+    set_to("FENCE_TYPE", 2.0)
+    assert hovering.reposition(0.0, 0.0, up_m) == MavResult.ACCEPTED
+
+
+def test_a_stop_at_speed_takes_as_far_as_the_real_one_takes_and_ends_there(hovering: Station) -> None:
+    """Measured with 4.7.0-dev: Brake at 7.8 m/s takes 15.7 m."""
+    hovering.reposition(200.0, 0.0, 20.0)
+    hovering.wait(8.0)
+    here_m = hovering.vehicle.state.position_m[0]
+    hovering.command_long(MavCmd.DO_SET_MODE, param1=1.0, param2=17.0)
+    way_m = []
+    for _ in range(100):
+        hovering.wait(0.1)
+        way_m.append(hovering.vehicle.state.position_m[0] - here_m)
+    assert 13.0 < max(way_m) < 18.0
+    assert max(way_m) - way_m[-1] < 0.5
 
 
 def test_the_old_set_mode_is_acknowledged_under_its_message_id(hovering: Station) -> None:

@@ -18,6 +18,7 @@ from hsop_gcs.link.messages import (
     GimbalManagerStatus,
     GlobalPositionInt,
     Heartbeat,
+    MessageInterval,
     ParamRequestList,
     ParamSet,
     ParamValue,
@@ -285,3 +286,74 @@ def test_integer_parameters_travel_as_bits() -> None:
     assert len(listed) == station.last(ParamValue).param_count
     raw = np.array([listed["MAV_SYS_ID"].param_value], dtype=np.float32)
     assert raw.view(np.int32)[0] == 9
+
+
+def test_an_interval_that_is_unknown_is_told_as_off_and_cannot_be_set(hovering: Station) -> None:
+    assert hovering.command_long(MavCmd.GET_MESSAGE_INTERVAL, param1=9999.0) == MavResult.ACCEPTED
+    assert hovering.last(MessageInterval) == MessageInterval(message_id=9999, interval_us=-1)
+    assert hovering.command_long(MavCmd.REQUEST_MESSAGE, param1=244.0, param2=33.0) == MavResult.ACCEPTED
+    assert hovering.last(MessageInterval) == MessageInterval(message_id=33, interval_us=20000)
+    for message_id, more in ((9999.0, 0.0), (0.0, 0.0), (33.0, 1.0)):
+        result = hovering.command_long(MavCmd.SET_MESSAGE_INTERVAL, param1=message_id, param2=1e6, param3=more)
+        assert result == MavResult.FAILED
+    assert hovering.command_long(MavCmd.REQUEST_MESSAGE, param1=9999.0) == MavResult.DENIED
+
+
+@pytest.mark.parametrize(("system", "component"), [(1, 154), (1, 100), (0, 0), (0, 1), (2, 1)])
+def test_a_command_to_another_component_or_to_everybody_is_ignored_in_silence(
+    hovering: Station, system: int, component: int
+) -> None:
+    targets: dict[str, Any] = {"target_system": system, "target_component": component}
+    assert hovering.command_long(MavCmd.NAV_LAND, **targets) is None
+    assert hovering.vehicle.custom_mode() == Mode.HOLD
+    told = hovering.command_long(MavCmd.REQUEST_AUTOPILOT_CAPABILITIES, **targets)
+    assert told == (None if system == 2 else MavResult.ACCEPTED)
+
+
+def test_a_point_above_the_fence_is_accepted_told_and_not_flown(hovering: Station) -> None:
+    hovering.send(
+        ParamSet(target_system=1, target_component=1, param_id="GF_MAX_VER_DIST", param_value=40.0, param_type=9)
+    )
+    assert hovering.reposition(0.0, 0.0, 41.0) == MavResult.ACCEPTED
+    assert "Reposition is outside geofence\t" in hovering.texts
+    hovering.wait(10.0)
+    assert hovering.vehicle.state.position_m == pytest.approx((0.0, 0.0, 20.0), abs=0.3 * METRE)
+
+
+def stopped(hovering: Station, *, at_speed_mps: float) -> tuple[float, float]:
+    """How far a vehicle flies that is told to stop, and how far of that it comes back, metres."""
+    hovering.reposition(200.0, 0.0, 20.0)
+    while hovering.vehicle.state.ground_speed_mps < at_speed_mps:
+        hovering.wait(0.02)
+    here_m = hovering.vehicle.state.position_m[0]
+    nan = math.nan
+    hovering.command_long(MavCmd.DO_REPOSITION, param2=1.0, param4=nan, param5=nan, param6=nan, param7=nan)
+    way_m = []
+    for _ in range(150):
+        hovering.wait(0.1)
+        way_m.append(hovering.vehicle.state.position_m[0] - here_m)
+    return max(way_m), max(way_m) - way_m[-1]
+
+
+def test_a_stop_at_speed_takes_as_far_as_the_real_one_takes_and_comes_back_a_little(hovering: Station) -> None:
+    """Measured with 1.17.0: 17.3 m at 7.5 m/s, 2.4 of them back."""
+    far_m, back_m = stopped(hovering, at_speed_mps=7.9)
+    assert 15.0 < far_m < 20.0
+    assert 1.0 < back_m < 4.0
+
+
+def test_a_stop_while_it_gathers_speed_overshoots_and_comes_back_far(hovering: Station) -> None:
+    _, back_m = stopped(hovering, at_speed_mps=4.0)
+    assert back_m > 5.0
+
+
+def test_a_take_off_is_as_slow_as_the_real_one() -> None:
+    """Measured with 1.17.0: 16 s to 15 m."""
+    station = px4()
+    station.wait(3.0)
+    station.command_long(MavCmd.COMPONENT_ARM_DISARM, param1=1.0)
+    station.command_long(MavCmd.NAV_TAKEOFF, param4=math.nan, param5=math.nan, param6=math.nan, param7=599.0)
+    station.wait(9.0)
+    assert station.vehicle.state.position_m[2] < 12.0
+    station.wait(7.0)
+    assert station.vehicle.state.position_m[2] == pytest.approx(15.0, abs=0.5 * METRE)
