@@ -34,7 +34,7 @@ from hsop_gcs.link.events import (
 from hsop_gcs.link.faults import Illness, describe, trace_of
 from hsop_gcs.link.identity import GROUND_STATION, Identity
 from hsop_gcs.link.messages import CommandLong, Message, Unknown
-from hsop_gcs.link.protocol.command import INSISTENT, CommandLimits, CommandSender, Outcome, Request
+from hsop_gcs.link.protocol.command import INSISTENT, REPEATABLE, CommandLimits, CommandSender, Outcome, Request
 from hsop_gcs.link.protocol.failsafes import Failsafes
 from hsop_gcs.link.protocol.gimbal import Gimbal, GimbalTolerances
 from hsop_gcs.link.protocol.heartbeat import Presence
@@ -43,6 +43,7 @@ from hsop_gcs.link.protocol.one_aircraft import OneAircraft
 from hsop_gcs.link.protocol.ready import why_not_ready, why_not_stopped
 from hsop_gcs.link.protocol.round_trip import RoundTrip
 from hsop_gcs.link.protocol.speaker import Speaker, is_foreign, is_taken, what_speaks
+from hsop_gcs.link.protocol.stop import Stop
 from hsop_gcs.link.protocol.subscriptions import RATES_HZ, Subscriptions
 from hsop_gcs.link.protocol.take_off import TakeOff, set_mode
 from hsop_gcs.link.protocol.telemetry import Telemetry, VehicleState
@@ -65,6 +66,7 @@ _ORDER_KEYS = ("hover", "take off", "gimbal aim")
 """What the commands of orders are submitted under."""
 _OPERATOR_DEADLINE_S = 5.0
 """An operator's hold or return that cannot be sent for so long is not sent later by surprise."""
+_STAY = "stay where it stopped"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,6 +113,7 @@ class Vehicle:
         self._begin_orders()
         self._round_trip = RoundTrip()
         self._failsafes = Failsafes(self._telemetry)
+        self._stop = Stop()
         self._on_station = False
         self._events: list[Event] = []
         self._at_once: list[Message] = []
@@ -239,9 +242,13 @@ class Vehicle:
         self._order(order_id, begin, now)
 
     def hold(self, now: float) -> None:
-        """Stop where it is. Ends in ``CommandFinished``; the hover order, if any, is superseded."""
+        """Stop where it can. Ends in ``CommandFinished``; the hover order, if any, is superseded."""
         adapter = self._telemetry.adapter
         self._operate("hold", _hold(self.state, adapter) if adapter is not None else None, now)
+        if adapter is not None and adapter.hold_is_reposition:
+            with self._mending(now):
+                self._works = "stop"
+                self._stop.start(self.state, now)
 
     def return_to_launch(self, now: float) -> None:
         """Fly home and land. Ends in ``CommandFinished``; the hover order, if any, is superseded."""
@@ -340,6 +347,8 @@ class Vehicle:
             self._round_trip.receive(message, now)
             self._works = "failsafes"
             self._failsafes.receive(message, now)
+            self._works = "stop"
+            self._stay(now)
         self._works = "subscriptions"
         self._subscriptions.lead(self._gimbal.device, now)
         self._subscriptions.receive(message, now, component=component)
@@ -564,10 +573,22 @@ class Vehicle:
             problem = f"sent once, and no answer is waited for: {self._illness.newest}"
             self._events.append(CommandFinished(system=self.system, command=name, problem=problem))
 
+    def _stay(self, now: float) -> None:
+        """Order a stop once more where it has ended, if nobody has taken the vehicle over since."""
+        adapter = self._telemetry.adapter
+        if adapter is None or not self._stop.ends(self.state, now):
+            return
+        if self.state.custom_mode == adapter.hold_mode.custom_mode:
+            request = Request(
+                message=_hold(self.state, adapter), key=_STAY, tries=REPEATABLE, deadline_s=now + _OPERATOR_DEADLINE_S
+            )
+            self._commands.submit(request, now)
+
     def _set_aside(self, now: float) -> None:
         """Stop whatever order is under way, before the next one."""
-        for name in set(self._operator.values()):
+        for name in {*self._operator.values(), _STAY}:
             self._commands.withdraw(name, now)
+        self._stop.cancel()
         self._take_off.stop(now)
         self._hover.stop(now)
         self._gimbal.stop(now)
