@@ -31,6 +31,9 @@ _TAKE_OFF_TRIES = 3
 _REACHED_WITHIN_M = 1.0
 _SLOWEST_CLIMB_MPS = 0.7
 _CLIMB_MARGIN_S = 30.0
+_SAID_BEFORE_S = 4.0
+_WARNING = 4
+"""MAV_SEVERITY: what is no worse explains no refusal."""
 _KEY = "take off"
 
 
@@ -57,6 +60,7 @@ class TakeOff:
         self._give_up_at = 0.0
         self._tries = 0
         self._refusal = ""
+        self._refused_s = -math.inf
         self._seen_armed = False
         self._climbs = False
         self._adapter: Adapter | None = None
@@ -72,7 +76,7 @@ class TakeOff:
         """
         if self._step is _Step.IDLE:
             return None if self._failed is None else f"failed: {self._failed}"
-        return f"{self._step.value}: {self._refusal}" if self._refusal else str(self._step.value)
+        return f"{self._step.value}: {self._why}" if self._refusal else str(self._step.value)
 
     def start(self, altitude_above_home_m: float, *, order_id: str, now: float) -> None:
         """Take off to an altitude above home."""
@@ -141,7 +145,8 @@ class TakeOff:
             return
         if outcome.accepted and self._step is _Step.SETTING_MODE:
             # PX4 acknowledges a mode before it has looked whether it can be in it: telemetry tells, or we ask again.
-            self._refusal, self._next_at = "the mode is not the one asked for", now + _AGAIN_AFTER_S
+            self._refusal, self._refused_s = "the mode is not the one asked for", now
+            self._next_at = now + _AGAIN_AFTER_S
         elif outcome.accepted:
             self._next_step(now)
         else:
@@ -153,13 +158,13 @@ class TakeOff:
         if self._step is _Step.IDLE:
             return
         if now >= self._give_up_at:
-            self._fail(f"{self._step.value} took too long" + (f": {self._refusal}" if self._refusal else ""))
+            self._fail(f"{self._step.value} took too long" + (f": {self._why}" if self._refusal else ""))
         elif self._ticket is None and now >= self._next_at and self._step is not _Step.CLIMBING:
             unknown = self._unknown()
             if unknown is None:
                 self._command(now)
             else:
-                self._refusal, self._next_at = unknown, now + _LOOK_AGAIN_AFTER_S
+                self._refusal, self._refused_s, self._next_at = unknown, -math.inf, now + _LOOK_AGAIN_AFTER_S
 
     def take_outgoing(self) -> list[Message]:
         """Everything goes through the command sender."""
@@ -236,15 +241,22 @@ class TakeOff:
         adapter, mode = self._adapter, self._telemetry.state.custom_mode
         return adapter is not None and mode == adapter.climb_mode.custom_mode != adapter.hover_mode.custom_mode
 
+    @property
+    def _why(self) -> str:
+        """Why it does not go on, with what the autopilot said of it: its text comes after the refusal, or before."""
+        since_s = self._refused_s - _SAID_BEFORE_S
+        said = [
+            line.text for line in self._telemetry.state.texts if line.severity <= _WARNING and line.time_s >= since_s
+        ]
+        return f"{self._refusal} ({said[-1]})" if said and self._refused_s > -math.inf else self._refusal
+
     def _refused(self, outcome: Outcome, now: float) -> None:
-        texts = self._telemetry.state.texts
-        said = f" ({texts[-1].text})" if texts else ""
-        self._refusal = f"{MavCmd(outcome.request.message.command).name}: {outcome.problem}{said}"
+        self._refusal, self._refused_s = f"{MavCmd(outcome.request.message.command).name}: {outcome.problem}", now
         self._next_at = now + _AGAIN_AFTER_S
         self._tries += self._step is _Step.TAKING_OFF
         final = outcome.verdict is Verdict.REFUSED and outcome.result == MavResult.UNSUPPORTED
         if final or self._tries >= _TAKE_OFF_TRIES:
-            self._fail(self._refusal)
+            self._fail(self._why)
 
     def _fail(self, reason: str) -> None:
         self._events.append(OrderFailed(system=self._system, order_id=self.order_id or "", reason=reason))
