@@ -2,6 +2,7 @@
 
 import pytest
 
+from hsop_gcs.link.adapters.failsafes import ARDUPILOT_FAILSAFES, PX4_FAILSAFES, Relied
 from hsop_gcs.link.identity import GROUND_STATION
 from hsop_gcs.link.protocol.heartbeat import HEARTBEAT_PERIOD_S
 from hsop_gcs.link.protocol.subscriptions import RATES_HZ
@@ -33,6 +34,18 @@ def test_both_stacks_return_after_as_many_missing_heartbeats() -> None:
     assert ardupilot["FS_GCS_ENABLE"] == 1
     assert px4["NAV_DLL_ACT"] == 2
     assert ardupilot["FS_GCS_TIMEOUT"] == px4["COM_DL_LOSS_T"] == 10 * HEARTBEAT_PERIOD_S
+
+
+@pytest.mark.parametrize(
+    ("relied", "files"),
+    [(PX4_FAILSAFES, parameters.px4("failsafe")), (ARDUPILOT_FAILSAFES, parameters.ardupilot("failsafe", "link"))],
+)
+def test_every_failsafe_that_the_service_looks_for_is_set_under_every_name_as_it_is_proposed(
+    relied: tuple[Relied, ...], files: dict[str, float]
+) -> None:
+    for each in relied:
+        assert {files[name] for name in each.names} == {each.set_to}
+        assert each.fits(each.set_to)
 
 
 def test_stages_of_an_empty_battery_come_in_order() -> None:

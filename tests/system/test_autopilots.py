@@ -41,7 +41,17 @@ TAKE_OFF_M = 20.0
 
 @contextmanager
 def serving(vehicles: Iterable[RealVehicle], folder: Path) -> Iterator[httpx2.Client]:
-    """Run ``hsop-gcs serve`` for these vehicles and yield a client of it."""
+    """Run ``hsop-gcs serve`` for these vehicles and yield a client of it; it must end well."""
+    with service_process(vehicles, folder) as (client, process):
+        yield client
+    assert process.returncode == 0, (folder / "service.txt").read_text()[-2000:]
+
+
+@contextmanager
+def service_process(
+    vehicles: Iterable[RealVehicle], folder: Path
+) -> Iterator[tuple[httpx2.Client, subprocess.Popen[bytes]]]:
+    """Run ``hsop-gcs serve`` for these vehicles and yield a client of it and its process, which the block may kill."""
     config, log = folder / "FLEET.toml", folder / "service.txt"
     lines = [
         "[site]",
@@ -65,7 +75,7 @@ def serving(vehicles: Iterable[RealVehicle], folder: Path) -> Iterator[httpx2.Cl
         )
         address = said[0].split(" at ")[1].split()[0]
         with httpx2.Client(base_url=address, timeout=20) as client:
-            yield client
+            yield client, process
     finally:
         process.send_signal(signal.SIGINT)
         try:
@@ -73,7 +83,6 @@ def serving(vehicles: Iterable[RealVehicle], folder: Path) -> Iterator[httpx2.Cl
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
-    assert process.returncode == 0, log.read_text()[-2000:]
 
 
 class Radar(threading.Thread):
