@@ -7,7 +7,7 @@ import math
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -55,17 +55,22 @@ class Circle:
         return place, self.speed_mps * np.array([north, -east, 0.0])
 
 
-CIRCLES = {
+SLOW = {
     "t1": Circle(centre_m=(30.0, 60.0, 40.0), radius_m=30.0, speed_mps=3.0),
     "t2": Circle(centre_m=(-50.0, 10.0, 45.0), radius_m=20.0, speed_mps=1.5),
+}
+FAST = {
+    "t1": Circle(centre_m=(20.0, 50.0, 40.0), radius_m=50.0, speed_mps=4.0),
+    "t2": Circle(centre_m=(-50.0, 10.0, 45.0), radius_m=20.0, speed_mps=1.0),
 }
 
 
 class Watch(threading.Thread):
     """Reports the threats once a second, and holds what hosts do against where the threats are."""
 
-    def __init__(self, client: httpx2.Client) -> None:
+    def __init__(self, client: httpx2.Client, circles: Mapping[str, Circle]) -> None:
         super().__init__(daemon=True)
+        self._circles = circles
         self.nearest: dict[str, float] = {}
         """The least distance of each host in the air to a threat, metres."""
         self.closing: dict[str, float] = {}
@@ -82,7 +87,7 @@ class Watch(threading.Thread):
             while not self._ended.wait(0.2):
                 if time.time() >= reported_s + 1.0:
                     reported_s = time.time()
-                    client.post("/api/v1/reports", json=[sighting(name, reported_s) for name in CIRCLES])
+                    client.post("/api/v1/reports", json=[sighting(*each, reported_s) for each in self._circles.items()])
                 self._look(client)
 
     def stop(self) -> None:
@@ -102,7 +107,7 @@ class Watch(threading.Thread):
         for name, place in aloft.items():
             before_s, before = self._before.get(name, (now_s, place))
             velocity = (place - before) / max(now_s - before_s, 0.2)
-            for circle in CIRCLES.values():
+            for circle in self._circles.values():
                 there, _ = circle.at(now_s)
                 distance_m = float(np.linalg.norm(there - place))
                 self.nearest[name] = min(self.nearest.get(name, math.inf), distance_m)
@@ -115,8 +120,8 @@ class Watch(threading.Thread):
             self.plans.append((time.monotonic(), plan["id"], tuple(order["host"] for order in plan["orders"])))
 
 
-def sighting(name: str, time_s: float) -> Json:
-    place_m, (east, north, up) = CIRCLES[name].at(time_s)
+def sighting(name: str, circle: Circle, time_s: float) -> Json:
+    place_m, (east, north, up) = circle.at(time_s)
     place = FRAME.to_geodetic(place_m)
     position = {
         "lat_deg": place.lat_deg,
@@ -147,7 +152,10 @@ def mode_after_the_service(vehicle: RealVehicle, wanted: Callable[[str], bool], 
     return mode, time.monotonic() - started
 
 
-def test_real_autopilots_keep_clear_of_circling_threats_and_come_home_when_all_else_is_lost(tmp_path: Path) -> None:
+@pytest.mark.parametrize("circles", [pytest.param(SLOW, id="slow"), pytest.param(FAST, id="fast")])
+def test_real_autopilots_keep_clear_of_circling_threats_and_come_home_when_all_else_is_lost(
+    tmp_path: Path, circles: Mapping[str, Circle]
+) -> None:
     with (
         real_vehicles(tmp_path, arducopters=3, px4s=2) as vehicles,
         service_process(vehicles, tmp_path) as (client, process),
@@ -157,8 +165,14 @@ def test_real_autopilots_keep_clear_of_circling_threats_and_come_home_when_all_e
         wait_until(lambda: {host["unavailable_reason"] for host in hosts_of(client).values()} == ready, limit_s=READY_S)
         print("\nfailsafes:", {name: host["failsafes"] for name, host in hosts_of(client).items()})  # noqa: T201
         client.post("/api/v1/hosts/take-off", json={"altitude_m": TAKE_OFF_M, "hosts": list(by_id)}).raise_for_status()
-        wait_until(lambda: client.get("/api/v1/health").json()["hosts_available"] == 5, limit_s=READY_S)
-        watch = Watch(client)
+        try:
+            wait_until(lambda: client.get("/api/v1/health").json()["hosts_available"] == 5, limit_s=READY_S)
+        except AssertionError:
+            told = ("unavailable_reason", "take_off", "last_text")
+            raise AssertionError(
+                {name: [host[key] for key in told] for name, host in hosts_of(client).items()}
+            ) from None
+        watch = Watch(client, circles)
         watch.start()
         lost: list[str] = []
         waited_s: list[float] = []
