@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from hsop_gcs.errors import BadInput
+
 
 def register(app: typer.Typer) -> None:
     @app.command()
@@ -19,8 +21,14 @@ def register(app: typer.Typer) -> None:
         import logging
 
         from hsop_gcs.app import serve as run
+        from hsop_gcs.cli.options import within
         from hsop_gcs.settings import read_settings
 
+        if port is not None:
+            within("--port", port, 0, 65535)
+        for option, value in (("--host", host), ("--journal", journal)):
+            if value == "":
+                raise BadInput(option, "is empty")
         settings = read_settings(config)
         given = {
             name: value for name, value in (("host", host), ("port", port), ("journal", journal)) if value is not None

@@ -82,6 +82,8 @@ _GONE_TOLD = 10
 _BEHIND = "the service is behind its link: what it knows of the sky is old"
 _HOSTS_AWAITED_S = 5.0
 """After a restart, how long the first question to the planner waits for hosts that had orders."""
+_OVERDUE_S = 5.0
+"""How long after its time limit a planner's answer is late, and told: no plans are made then."""
 _TRACKER_LOADS = "the tracker's kernels are being loaded, the first time on a machine compiled"
 _NO_FAULT = frozenset({RefusalKind.OWN_HOST, RefusalKind.DUPLICATE, RefusalKind.DISMISSED})
 """Refusals that say nothing against their source."""
@@ -148,6 +150,8 @@ class Mission:
         self.sky = Sky(fleet, site, link)
         self._solver = solver
         self._solving: asyncio.Task[None] | None = None
+        self._asked_s: float | None = None
+        """When the planner was asked what it has not answered yet."""
         self._changed = asyncio.Event()
         self._blocked: dict[str, Blocked] = {}
         """Why hosts that wait did not depart when that was last looked at."""
@@ -173,10 +177,20 @@ class Mission:
             found["kernels"] = f"{_TRACKER_LOADS}; reports are refused"
         if not self._solver.ready:
             found["planner"] = "the planner's process is starting, the first time on a machine it compiles its kernels"
+        elif (overdue := self._overdue()) is not None:
+            found["planner"] = overdue
         unheard = self._unheard()
         if unheard:
             found["links"] = f"after the restart no telemetry yet of {', '.join(unheard)}"
         return found
+
+    def _overdue(self) -> str | None:
+        """Why no plans are made although the planner lives: it hangs, is stopped, or starves."""
+        limit_s = self.state.rules.planning.time_limit_s
+        waited_s = 0.0 if self._asked_s is None else self.clock() - self._asked_s
+        if waited_s < limit_s + _OVERDUE_S:
+            return None
+        return f"the planner has not answered for {waited_s:.0f} s; planning.time_limit_s is {limit_s:g}"
 
     def _unheard(self) -> list[str]:
         """The hosts that had orders before a restart and have not been heard well enough since to be sent.
@@ -443,6 +457,7 @@ class Mission:
                 given = situation(self.state, movers, now_s, standing=standing)
                 asked = SolverAsked(time_s=now_s, trigger=reason, situation=given)
                 self._take(asked)
+                self._asked_s = now_s
                 self._solving = tasks.create_task(self._solve(asked.situation))
 
     def _keep_time(self) -> float:
@@ -492,9 +507,10 @@ class Mission:
         except Exception as error:  # whatever the solver does, the service goes on and says so
             self.solver_fault = f"{type(error).__name__}: {error}"
             log.exception("the solver failed")
+            self._asked_s = None
             await asyncio.sleep(self.state.rules.replanning.retry_s)
         finally:
-            self._solving = None
+            self._solving = self._asked_s = None
             self._changed.set()
 
     def _fly(self, plan: Plan) -> None:

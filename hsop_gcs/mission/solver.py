@@ -11,6 +11,7 @@ import asyncio
 import contextlib
 import logging
 import time
+from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 
 from hsop_gcs.mission.pipeline import decide
@@ -55,14 +56,17 @@ class Solver:
         call gets a new worker.
         """
         loop, pool = asyncio.get_running_loop(), self._pool
+        patience_s = 2 * rules.time_limit_s + _PATIENCE_S
         try:
             await asyncio.wrap_future(self._warm)
-            async with asyncio.timeout(2 * rules.time_limit_s + _PATIENCE_S):
+            async with asyncio.timeout(patience_s):
                 return await loop.run_in_executor(pool, _decide, situation, rules)
-        except (BrokenProcessPool, TimeoutError):
-            if pool is self._pool:
-                self._replace()
+        except BrokenProcessPool:
+            self._give_up(pool)
             raise
+        except TimeoutError:
+            self._give_up(pool)
+            raise TimeoutError(f"no answer for {patience_s:g} s; the planner's process was started again") from None
 
     @property
     def ready(self) -> bool:
@@ -81,6 +85,11 @@ class Solver:
         if self._beside.pid is not None:
             self._beside.kill()
             self._beside.join()
+
+    def _give_up(self, pool: ProcessPoolExecutor) -> None:
+        """Replace the pool, unless the supervision has."""
+        if pool is self._pool:
+            self._replace()
 
     def _replace(self) -> None:
         self._end()

@@ -45,6 +45,25 @@ def test_an_approval_comes_too_late_once_the_plan_has_run_out() -> None:
     assert len(refusals) == 1
 
 
+def test_a_planner_that_does_not_answer_is_told_as_awaited_until_it_does() -> None:
+    told: list[tuple[bool, str | None]] = []
+
+    def watch(moment: Moment) -> None:
+        mission = moment.mission
+        told.append((mission.state.plans.newest is not None, mission.awaited.get("planner")))
+
+    def solve(asked: Situation, rules: PlanningRules) -> Decision:
+        placement = Placement(status=Status.INFEASIBLE, formulation=rules.formulation, objective=rules.objective)
+        return Decision(placement=placement, threats=asked.threats, window_start_s=asked.now_s)
+
+    rules = Rules(planning=PlanningRules(time_limit_s=1.0))
+    fly(Flight(truth=ONE, hosts=2, duration_s=14.0, rules=rules, solve_s=9.0), watch, solve)
+    late = [index for index, (_, reason) in enumerate(told) if reason is not None]
+    assert told[late[0]][1] == "the planner has not answered for 6 s; planning.time_limit_s is 1"
+    assert late[-1] < len(told) - 1, "it has answered"
+    assert len(late) == late[-1] - late[0] + 1 in range(12, 18)
+
+
 def test_a_ray_nothing_explains_is_let_go_though_no_other_detection_comes() -> None:
     held: list[float] = []
 

@@ -10,7 +10,11 @@ from typing import Any
 
 import httpx2
 import pytest
+import typer
+from typer.testing import CliRunner
 
+from hsop_gcs.cli.serve import register
+from hsop_gcs.errors import BadInput
 from tests.service import ORIGIN, wait_until
 
 
@@ -43,6 +47,24 @@ def test_ctrl_c_which_a_terminal_sends_to_every_process_ends_the_service_without
     os.killpg(process.pid, signal.SIGINT)
     _, err = process.communicate(timeout=30)
     assert (process.returncode, err) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("option", "problem"),
+    [
+        (["--port", "65536"], "--port: 65536 is not between 0 and 65535"),
+        (["--port", "-1"], "--port: -1 is not between 0 and 65535"),
+        (["--journal", ""], "--journal: is empty"),
+        (["--host", ""], "--host: is empty"),
+    ],
+)
+def test_an_option_that_cannot_be_used_is_one_line(tmp_path: Path, option: list[str], problem: str) -> None:
+    app = typer.Typer()
+    register(app)
+    config = fleet_file(tmp_path, "udpin:127.0.0.1:0")
+    error = CliRunner().invoke(app, ["--config", str(config), *option]).exception
+    assert isinstance(error, BadInput)
+    assert str(error) == problem
 
 
 def test_the_port_answers_before_the_service_is_ready_and_a_hangup_signal_changes_nothing(tmp_path: Path) -> None:
