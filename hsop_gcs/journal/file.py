@@ -9,6 +9,7 @@ followed by one that finds its way. One process writes a journal at a time.
 import contextlib
 import errno
 import fcntl
+import logging
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
@@ -31,6 +32,8 @@ from hsop_gcs.journal.segments import (
 
 Write = Callable[[int, bytes], int]
 """Writes to a file descriptor; returns how many bytes it took. Raises OSError."""
+
+log = logging.getLogger(__name__)
 
 
 class JournalFile:
@@ -95,9 +98,11 @@ class JournalFile:
                 raise
 
     def _open(self) -> int:
-        """Return the file to write to, created if it is not there."""
+        """Return the file to write to, created if it is not there. Raises OSError."""
+        self._keep_lock()
         if self._file is not None and not self._is_there():
             self._removed = True
+            log.warning("journal %s was taken away underneath; it is begun again", self.path)
             os.close(self._file)
             self._file, self._segment, self._end, self._torn = None, self._segment + 1, 0, False
         if self._file is None:
@@ -113,11 +118,27 @@ class JournalFile:
         return self._file
 
     def _is_there(self) -> bool:
+        return _identity_of(self.path) == self._identity
+
+    def _keep_lock(self) -> None:
+        """Lock again if the lock's file was taken away: another process would find none, and write this journal too.
+
+        Raises OSError if one has done so meanwhile.
+        """
+        status, name = os.fstat(self._lock), _lock_path(self.path)
+        if _identity_of(name) == (status.st_dev, status.st_ino):
+            return
         try:
-            status = os.stat(self.path)
-        except FileNotFoundError:
-            return False
-        return (status.st_dev, status.st_ino) == self._identity
+            lock = os.open(name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        except OSError:
+            return  # nothing can be created there now, and so by no other process either
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(lock)
+            raise OSError(errno.EBUSY, "another process writes it") from None
+        os.close(self._lock)
+        self._lock = lock
 
     def _gap(self) -> bytes:
         """The line that says that entries are missing before it."""
@@ -209,9 +230,21 @@ class JournalFile:
         os.close(self._lock)
 
 
+def _identity_of(path: Path) -> tuple[int, int] | None:
+    try:
+        status = os.stat(path)
+    except FileNotFoundError:
+        return None
+    return status.st_dev, status.st_ino
+
+
+def _lock_path(path: Path) -> Path:
+    return path.with_name(f"{path.name}.lock")
+
+
 def _locked(path: Path) -> int:
     """Return the lock of a journal. Raises Unavailable if another process has it, or it cannot be had."""
-    name = path.with_name(f"{path.name}.lock")
+    name = _lock_path(path)
     try:
         try:
             lock = os.open(name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)

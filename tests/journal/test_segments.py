@@ -10,6 +10,8 @@ import pytest
 
 from hsop_gcs.errors import BadInput, Unavailable
 from hsop_gcs.journal import GIVEN_UP, SNAPSHOT, Entry, Journal, read
+from hsop_gcs.journal.entry import body_of
+from hsop_gcs.journal.file import JournalFile
 from hsop_gcs.journal.retention import Retention
 from hsop_gcs.journal.segments import segments
 from tests.service import wait_until
@@ -204,3 +206,40 @@ def test_two_processes_do_not_write_one_journal_though_its_file_was_renamed(tmp_
         path.rename(tmp_path / "old")
         with pytest.raises(Unavailable, match="another process writes it"):
             Journal(path)
+
+
+@pytest.mark.parametrize("folder_too", [False, True])
+def test_two_processes_do_not_write_one_journal_though_all_its_files_were_removed(
+    tmp_path: Path, folder_too: bool
+) -> None:
+    path = tmp_path / "logs" / "j"
+    path.parent.mkdir()
+    with Journal(path) as journal:
+        journal.append("hold", 1, time_s=1.0)
+        assert journal.flush(10.0)
+        shutil.rmtree(path.parent)
+        if folder_too:
+            journal.append("hold", 3, time_s=1.5)
+            wait_until(lambda: "No such file" in (journal.status.fault or ""))
+        path.parent.mkdir()
+        journal.append("hold", 2, time_s=2.0)
+        assert journal.flush(10.0)
+        with pytest.raises(Unavailable, match="another process writes it"):
+            Journal(path)
+    with Journal(path):
+        pass
+
+
+def test_what_another_process_has_begun_where_the_files_were_removed_is_left_to_it(tmp_path: Path) -> None:
+    path = tmp_path / "j"
+    file = JournalFile(path, lambda _: None)
+    file.append([body_of("hold", 1, 1.0)], time_s=1.0)
+    for each in tmp_path.iterdir():
+        each.unlink()
+    with Journal(path) as journal:
+        journal.append("hold", 7, time_s=1.5)
+        assert journal.flush(10.0)
+        with pytest.raises(OSError, match="another process writes it"):
+            file.append([body_of("hold", 2, 2.0)], time_s=2.0)
+    file.close()
+    assert [entry.data for entry in read(path)] == [7]
