@@ -146,18 +146,18 @@ def _routes(mission: Mission, account: Account) -> APIRouter:
         """Order hosts into the air. Nothing else in this service makes a host take off."""
         return HostsOut(hosts=mission.take_off(wanted.altitude_m, distinct(wanted.hosts, mission.fleet)))
 
-    @router.post("/hosts/hold", operation_id="hold", responses=_problems(404, 422))
+    @router.post("/hosts/hold", operation_id="hold", responses=_problems(404, 422, 503))
     async def hold(wanted: HoldIn) -> HostsOut:
         """Stop hosts where they are, all if none is named; from then on no plan flies without approval."""
         return HostsOut(hosts=mission.hold(distinct(wanted.hosts, mission.fleet)))
 
-    @router.post("/hosts/recall", operation_id="recall", responses=_problems(404, 422))
+    @router.post("/hosts/recall", operation_id="recall", responses=_problems(404, 422, 503))
     async def recall(wanted: HostsIn) -> RecalledOut:
         """Send hosts home to land; they stay out of plans until released, and no plan flies without approval."""
         recalled = mission.recall(distinct(wanted.hosts, mission.fleet))
         return RecalledOut(hosts=recalled, on_the_ground=mission.on_the_ground(recalled))
 
-    @router.post("/hosts/release", operation_id="release", responses=_problems(404, 422))
+    @router.post("/hosts/release", operation_id="release", responses=_problems(404, 422, 503))
     async def release(wanted: HostsIn) -> HostsOut:
         """Give hosts back to the mission. If "all" are, plans fly by its own autonomy again."""
         return HostsOut(hosts=mission.release(distinct(wanted.hosts, mission.fleet)))

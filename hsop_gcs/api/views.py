@@ -199,7 +199,7 @@ def _problems(mission: Mission, unavailable: Mapping[str, Closed]) -> list[str]:
         if link.claimants:
             problems.append(f"host {host.id}: refused at {', '.join(link.claimants)}, where it is not registered")
         problems += [f"host {host.id}: {problem}" for problem in mission.vehicle(host).failsafe_problems]
-        if link.not_taken and not mission.vehicle(host).state.link_up:
+        if link.hears_others and not mission.vehicle(host).state.link_up:
             heard = ", ".join(f"{count} of its {what}" for what, count in link.not_taken.items())
             problems.append(f"host {host.id}: no autopilot's heartbeat is heard, but other frames are: {heard}")
         if link.other_autopilots:

@@ -83,6 +83,8 @@ class VehicleLink:
     """What other programs wanted to send to it over our link and may not, by message or command."""
     not_taken: dict[str, int]
     """Messages under its id that are not listened to, by the kind of component that sent them."""
+    hears_others: bool
+    """Whether one of these came lately."""
     other_autopilots: tuple[int, ...]
     """Components that speak as a second autopilot under its id, and are not listened to."""
     faults: int

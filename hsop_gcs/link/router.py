@@ -361,6 +361,7 @@ class Router:
             withheld=dict(account.withheld),
             foreign_heartbeats=vehicle.foreign_heartbeats,
             not_taken=dict(vehicle.not_taken),
+            hears_others=vehicle.hears_others(now),
             other_autopilots=vehicle.other_autopilots(now),
             faults=vehicle.faults,
         )
@@ -409,7 +410,7 @@ class Router:
             self._reschedule()
         if now >= self._wakes[frame.system]:
             self._advance(frame.system, now)
-        if account.peer != peer and not self._registers(frame, peer):
+        if account.peer != peer and not self._registers(frame, peer, now):
             return
         account.take(lost, now)
         if frame.component == vehicle.state.component:
@@ -419,7 +420,7 @@ class Router:
         if not isinstance(frame.message, Unknown):  # which puts silence off, and nothing else
             self._moved[frame.system] = self._to_send[frame.system] = None
 
-    def _registers(self, frame: Frame, peer: Peer) -> bool:
+    def _registers(self, frame: Frame, peer: Peer, now: float) -> bool:
         """Whether a frame from an address that is not its vehicle's makes it so; if not, it is refused."""
         account, vehicle = self._accounts[frame.system], self.vehicles[frame.system]
         pin = self._pins.get(frame.system)
@@ -430,7 +431,7 @@ class Router:
             if greets:
                 account.register(peer)
             else:
-                vehicle.note_not_taken(frame.component)
+                vehicle.note_not_taken(frame.component, now)
         elif at_home and greets and not vehicle.state.link_up and (by := self._why_again(frame, peer)) is not None:
             before = account.peer.address if account.peer is not None else None
             account.register(peer)

@@ -128,6 +128,7 @@ class Vehicle:
         self.foreign_heartbeats = 0
         """Heartbeats under the autopilot's ids that are not the autopilot's."""
         self._speaker = Speaker()
+        self._not_taken_s = -math.inf
         self.not_taken: Counter[str] = Counter()
         """Messages of components that are not listened to, by the kind of component."""
 
@@ -319,7 +320,7 @@ class Vehicle:
         self._works = "speaker"
         if self._speaker.receive(message, now, component=component):
             self._autopilot_changed(now)
-        if not self._is_taken(message, component):
+        if not self._is_taken(message, component, now):
             return
         if component == self.state.component:
             self._works = "presence"
@@ -364,18 +365,23 @@ class Vehicle:
         """Whether a message is a heartbeat under the autopilot's ids that is not the autopilot's."""
         return is_foreign(message, component, autopilot=self.state.component)
 
-    def note_not_taken(self, component: int) -> None:
+    def hears_others(self, now: float) -> bool:
+        """Whether a message of a component that is not listened to came lately: as long as a link takes to be lost."""
+        return now - self._not_taken_s < self._limits.lost_after_s
+
+    def note_not_taken(self, component: int, now: float) -> None:
         """Count a message of a component that is not listened to."""
+        self._not_taken_s = now
         self.not_taken["another autopilot" if component in self._speaker.others else what_speaks(component)] += 1
 
-    def _is_taken(self, message: Message, component: int) -> bool:
+    def _is_taken(self, message: Message, component: int, now: float) -> bool:
         """Whether a message is listened to; one that is not is counted."""
         if self.is_foreign(message, component):
             self.foreign_heartbeats += 1
             return False
         if is_taken(message, component, autopilot=self.state.component):
             return True
-        self.note_not_taken(component)
+        self.note_not_taken(component, now)
         return False
 
     def _autopilot_changed(self, now: float) -> None:

@@ -217,6 +217,17 @@ def test_a_camera_whose_heartbeat_is_all_zero_is_no_autopilot_though_it_is_heard
     assert (router.vehicles[1].state.component, router.vehicles[1].state.autopilot) == (1, "px4")
 
 
+def test_others_of_a_fleets_id_are_no_longer_heard_once_they_are_silent_though_their_count_stays() -> None:
+    router = Router([1])
+    assert not router.vehicle_link(1, 0.0).hears_others
+    router.receive(Encoder(system=1, component=1).encode(Attitude()), HERE, 0.0)
+    router.receive(Encoder(system=1, component=1).encode(AUTOPILOT), HERE, 0.1)
+    router.receive(Encoder(system=1, component=100).encode(ALL_ZERO), HERE, 5.0)
+    told = {at: router.vehicle_link(1, at) for at in (5.0, 8.0, 9.0)}
+    assert [link.hears_others for link in told.values()] == [True, True, False]
+    assert told[5.0].not_taken == told[9.0].not_taken == {"its autopilot's component": 1, "camera": 1}
+
+
 def test_an_autopilot_that_we_speak_to_takes_the_place_of_one_that_we_do_not() -> None:
     router = Router([1])
     router.receive(Encoder(system=1, component=1).encode(ALL_ZERO), HERE, 0.0)
