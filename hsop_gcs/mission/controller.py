@@ -10,6 +10,7 @@ import contextlib
 import logging
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
@@ -506,7 +507,8 @@ class Mission:
             self._take(DecisionMade(time_s=self.clock(), decision=decision))
         except Exception as error:  # whatever the solver does, the service goes on and says so
             self.solver_fault = f"{type(error).__name__}: {error}"
-            log.exception("the solver failed")
+            known = isinstance(error, BrokenProcessPool | TimeoutError)  # where they were raised says nothing
+            log.error("the solver failed: %s", self.solver_fault, exc_info=None if known else error)
             self._asked_s = None
             await asyncio.sleep(self.state.rules.replanning.retry_s)
         finally:

@@ -225,7 +225,7 @@ def test_others_of_a_fleets_id_are_no_longer_heard_once_they_are_silent_though_t
     router.receive(Encoder(system=1, component=100).encode(ALL_ZERO), HERE, 5.0)
     told = {at: router.vehicle_link(1, at) for at in (5.0, 8.0, 9.0)}
     assert [link.hears_others for link in told.values()] == [True, True, False]
-    assert told[5.0].not_taken == told[9.0].not_taken == {"its autopilot's component": 1, "camera": 1}
+    assert told[5.0].not_taken == told[9.0].not_taken == {"autopilot's component": 1, "camera": 1}
 
 
 def test_an_autopilot_that_we_speak_to_takes_the_place_of_one_that_we_do_not() -> None:
