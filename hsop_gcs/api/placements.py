@@ -179,6 +179,7 @@ def solve(question: Question) -> dict[str, Any]:
         seed=question.seed,
         time_limit_s=question.time_limit_s,
         now=time.monotonic,
+        partial=True,
     )
     return plan_to_json(placement)
 
@@ -238,7 +239,9 @@ def routes(what_if: WhatIf) -> APIRouter:
         """Place hosts for a scenario, without flying anything.
 
         Answers a plan file, also for an infeasible scenario (its ``status`` and ``reason`` say so), or with
-        ``frontier`` a list of them, one for each number of hosts.
+        ``frontier`` a list of them, one for each number of hosts. Where not all threats can be seen, or not in the time
+        limit, the most valuable ones are: then ``status`` is ``partial``, and ``left_out`` has the others, and why. In
+        the operational formulation only.
         """
         question = to_question(given)
         share_of(request.scope).give_way()

@@ -272,7 +272,7 @@ class PlanOut(BaseModel):
     trigger: str
     reason: str
     left_out: dict[str, str]
-    """Threats that no host can see, and why; the plan is for the others."""
+    """Threats that the plan does not see, and why; it is for the others, and keeps clear of these."""
     orders: list[HoverOut]
     placement: dict[str, Any]
     """The plan file format."""

@@ -7,6 +7,7 @@ from hsop_gcs.assignment.orders import HostOrder, order_for, orders_for
 from hsop_gcs.assignment.routes import (
     FlightRules,
     Mover,
+    Route,
     clearance_m,
     gains_by_staying,
     safe_route,
@@ -22,6 +23,7 @@ __all__ = [
     "HostOrder",
     "Mover",
     "NoSafeFlight",
+    "Route",
     "arrange",
     "assign",
     "clear_of",

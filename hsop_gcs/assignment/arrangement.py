@@ -1,7 +1,7 @@
 """Flights of several hosts at once: each a safe route, in an order of departure that keeps them apart."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,6 +33,8 @@ class NoSafeFlight:
     """There is no safe way for every host."""
 
     reason: str
+    hosts: tuple[str, ...] = ()
+    """Those of the placement that cannot get to their hover points, or not past each other."""
 
 
 def arrange(
@@ -42,11 +44,12 @@ def arrange(
     rules: FlightRules,
     *,
     standing: Iterable[Flight] = (),
+    late: Callable[[], bool] = lambda: False,
 ) -> tuple[Departure, ...] | NoSafeFlight:
     """Return a departure for every route, in order; hosts without one that have to give way are among them.
 
     movers: the hosts that can be sent, those with routes and idle ones. standing: what hovers there and does not give
-    way.
+    way. late: from then on no way past each other is looked for any more.
     """
     by_id = {mover.id: mover for mover in movers}
     flights = [Flight(host=host, points_m=(by_id[host].position_m, *route.points_m)) for host, route in routes.items()]
@@ -60,10 +63,12 @@ def arrange(
                 if why_unsafe(mover, points, threats, rules) is None:
                     yield replace(flight, points_m=(mover.position_m, *points))
 
-    order = departures((*flights, *idle, *standing), alternatives, separation_m=rules.separation_m)
+    order = departures((*flights, *idle, *standing), alternatives, separation_m=rules.separation_m, late=late)
     if isinstance(order, Conflict):
         hosts = " and ".join(order.hosts)
-        return NoSafeFlight(reason=f"hosts {hosts} cannot pass each other with {rules.separation_m:g} m between them")
+        return NoSafeFlight(
+            reason=f"hosts {hosts} cannot pass each other with {rules.separation_m:g} m between them", hosts=order.hosts
+        )
     flown = [flight for flight in order if len(flight.points_m) > 1]
     return tuple(_timed(flown, by_id, rules.separation_m))
 

@@ -1,9 +1,12 @@
 """Orders: a placement's hover poses given to hosts, with the aim of each central camera worked out in 3-D."""
 
 import math
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from hsop_gcs.assignment.arrangement import NoSafeFlight, arrange
 from hsop_gcs.assignment.matching import FloatArray, assign
@@ -40,20 +43,23 @@ def orders_for(
     threats_now: tuple[Threat, ...],
     threats_then: tuple[Threat, ...],
     rules: FlightRules,
+    late: Callable[[], bool] = lambda: False,
+    known: dict[tuple[str, Point], Route | None] | None = None,
 ) -> tuple[HostOrder, ...] | NoSafeFlight:
     """Give every hover pose to a host: minimum longest flight among safe routes, flown without conflict.
 
     A pose goes to a host with the same rig as the one that it was found for.
     ``threats_now`` decide which routes are safe for hosts that set out at once. ``threats_then``, the threats of
-    the placement, decide where cameras look. Orders come in the sequence of the placement's hosts; behind them those of
-    idle hosts that have to give way.
+    the placement, decide where cameras look. late: from then on no way is looked for any more, and ways not known are
+    taken for unsafe. known: ways that were looked for before, of these movers past these threats; it is filled.
+    Orders come in the sequence of the placement's hosts; behind them those of idle hosts that have to give way.
     """
-    flown_by = _shared_out(placement, movers, threats_now, rules)
+    flown_by = _shared_out(placement, movers, threats_now, rules, late, {} if known is None else known)
     if isinstance(flown_by, NoSafeFlight):
         return flown_by
-    arranged = arrange(flown_by, movers, threats_now, rules)
+    arranged = arrange(flown_by, movers, threats_now, rules, late=late)
     if isinstance(arranged, NoSafeFlight):
-        return arranged
+        return replace(arranged, hosts=_least_needed(placement, flown_by, arranged.hosts))
     flown = {departure.host: departure for departure in arranged}
     orders = [
         order_for(host, pose, placement, threats_then, rules.horizon_s)
@@ -70,7 +76,12 @@ def orders_for(
 
 
 def _shared_out(
-    placement: Placement, movers: tuple[Mover, ...], threats: tuple[Threat, ...], rules: FlightRules
+    placement: Placement,
+    movers: tuple[Mover, ...],
+    threats: tuple[Threat, ...],
+    rules: FlightRules,
+    late: Callable[[], bool],
+    known: dict[tuple[str, Point], Route | None],
 ) -> dict[str, Route] | NoSafeFlight:
     """The hosts that fly to the placement's hover points, in their sequence, and their routes.
 
@@ -92,10 +103,14 @@ def _shared_out(
         if not unknown:
             return {movers[host].id: route for host, point in flights if (route := routes[host, point]) is not None}
         for host, point in unknown:
-            route = safe_route(movers[host], placement.hosts[point].position_m, threats, rules)
-            routes[host, point] = route
+            flight = movers[host].id, placement.hosts[point].position_m
+            if flight not in known:
+                known[flight] = None if late() else safe_route(movers[host], flight[1], threats, rules)
+            routes[host, point] = route = known[flight]
             least_m[host, point] = math.inf if route is None else route.length_m
-    return NoSafeFlight(reason=_why_not(least_m, placement, rules.safety_distance_m))
+    return NoSafeFlight(
+        reason=_why_not(least_m, placement, rules.safety_distance_m), hosts=_without_a_taker(least_m, placement)
+    )
 
 
 def order_for(
@@ -130,6 +145,20 @@ def _central_aim(placement: Placement, pose: HoverPose, threats: list[Threat], h
         return Aim(pan_deg=pose.pan_deg, tilt_deg=pose.tilt_deg)
     ends = np.array([threat.predicted_m(after_s) for threat in threats for after_s in (0.0, horizon_s)])
     return Aim(pan_deg=pose.pan_deg % 360.0, tilt_deg=aim_between(np.array(pose.position_m), ends).tilt_deg)
+
+
+def _least_needed(placement: Placement, flown_by: Iterable[str], stuck: Collection[str]) -> tuple[str, ...]:
+    """Whose hover point of those is needed least that are flown to by hosts that are stuck."""
+    views = Counter(view.host for pair in placement.pairs for view in pair.views)
+    points = [pose.host for host, pose in zip(flown_by, placement.hosts, strict=True) if host in stuck]
+    return (min(points, key=lambda host: views[host]),) if points else ()
+
+
+def _without_a_taker(flight_m: FloatArray, placement: Placement) -> tuple[str, ...]:
+    """Whose hover points nobody takes when as many as can be are shared out."""
+    hosts, points = linear_sum_assignment(np.where(np.isfinite(flight_m), 0.0, 1.0))
+    taken = {int(point) for host, point in zip(hosts, points, strict=True) if math.isfinite(flight_m[host, point])}
+    return tuple(pose.host for point, pose in enumerate(placement.hosts) if point not in taken)
 
 
 def _why_not(flight_m: FloatArray, placement: Placement, safety_distance_m: float) -> str:

@@ -29,6 +29,8 @@ _GLANCES = 24
 """Moments of a way that are looked at before the whole of it."""
 _OVER_M = 2.0
 """How far over or under keep-out areas ways lead that lead past none."""
+_PASSED = 8
+"""Threats, nearest to the straight line first, that detours are laid around."""
 _NEAREST = 24
 """Detour points tried in pairs."""
 
@@ -88,13 +90,16 @@ def safe_route(mover: Mover, goal_m: Point, threats: tuple[Threat, ...], rules: 
     if _ends_too_near(mover, goal_m, threats, rules):
         return None
     start, goal = np.array(mover.position_m), np.array(goal_m)
+    threats = _near_first(threats, start, goal, rules.horizon_s)
     direct = shortest(np.stack([start, goal])[None])
     corners = corners_beside(rules.airspace)
     if direct is not None or not (threats or corners):
         return direct
     beside = np.array([(east, north, 0.0) for east, north in corners]).reshape(-1, 3)
     if threats:
-        rings = (_beside(threats, rules.horizon_s, rules.safety_distance_m + margin_m) for margin_m in _MARGINS_M)
+        rings = (
+            _beside(threats[:_PASSED], rules.horizon_s, rules.safety_distance_m + margin_m) for margin_m in _MARGINS_M
+        )
         beside = np.concatenate([beside, *rings])
     beside[:, 2] = goal[2]
     by_one = shortest(_ways(start, beside[:, None], goal))
@@ -158,12 +163,19 @@ def _may_be_safe(
     times = lasting_s.sum(axis=1)[:, None] * np.linspace(0.0, 1.0, _GLANCES)
     shares = np.clip((times[:, None] - begun_s[:, :, None]) / np.maximum(lasting_s, 1e-9)[:, :, None], 0.0, 1.0)
     places = ways[:, 0, :, None] + np.einsum("wlk,wlx->wxk", shares, legs)
-    safe = np.ones(len(ways), dtype=bool)
+    left = np.arange(len(ways))
+    low, high = (places.min(axis=(0, 2), initial=np.inf), places.max(axis=(0, 2), initial=-np.inf))
     for threat in threats:
+        ends = np.array([threat.position_m, threat.predicted_m(rules.horizon_s)])
+        away_m = np.maximum(low - ends.max(axis=0), ends.min(axis=0) - high)
+        if away_m.max() > rules.safety_distance_m:
+            continue
         start, velocity = np.array(threat.position_m)[:, None], np.array(threat.velocity_mps)[:, None]
-        at = start + velocity * np.minimum(times, rules.horizon_s)[:, None]
-        apart_m = np.linalg.norm(places - at, axis=1)
-        safe &= ~_comes_near(apart_m, rules.safety_distance_m)
+        at = start + velocity * np.minimum(times[left], rules.horizon_s)[:, None]
+        apart_m = np.linalg.norm(places[left] - at, axis=1)
+        left = left[~_comes_near(apart_m, rules.safety_distance_m)]
+    safe = np.zeros(len(ways), dtype=bool)
+    safe[left] = True
     return safe
 
 
@@ -240,6 +252,19 @@ def _beside(threats: tuple[Threat, ...], horizon_s: float, radius_m: float) -> F
     places = [threat.predicted_m(after_s) for threat in threats for after_s in np.linspace(0.0, horizon_s, _ALONG)]
     # a threat at rest has one place, not several
     return np.unique(np.concatenate([np.round(place, 3) + ring for place in places]), axis=0)
+
+
+def _near_first(
+    threats: tuple[Threat, ...], start: FloatArray, goal: FloatArray, horizon_s: float
+) -> tuple[Threat, ...]:
+    """The threats, those first whose ways come nearest to the straight line."""
+    if len(threats) <= _PASSED:
+        return threats
+    along = goal - start
+    places = np.array([[t.predicted_m(after_s) for after_s in np.linspace(0.0, horizon_s, _ALONG)] for t in threats])
+    shares = np.clip((places - start) @ along / max(float(along @ along), 1e-9), 0.0, 1.0)
+    away_m = np.linalg.norm(places - start - shares[..., None] * along, axis=2).min(axis=1)
+    return tuple(threats[n] for n in np.argsort(away_m, kind="stable"))
 
 
 def _over(start: FloatArray, goal: FloatArray, airspace: Airspace) -> FloatArray:

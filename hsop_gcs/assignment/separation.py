@@ -75,29 +75,36 @@ def departures(
     alternatives: Callable[[Flight], Iterable[Flight]],
     *,
     separation_m: float,
+    late: Callable[[], bool] = lambda: False,
 ) -> tuple[Flight, ...] | Conflict:
     """Return the flights in an order of departure that keeps the separation, or the hosts that are in each other's way.
 
     Where no order does, flights are exchanged for their alternatives, as few as possible: always the one that frees the
-    most hosts. Flights that come first depart first where it does not matter.
+    most hosts; when it is late, no more are looked for. Flights that come first depart first where it does not matter.
     """
     known: dict[str, tuple[Flight, ...]] = {}
+    before = {flight.host: _before(flight, flights, separation_m) for flight in flights}
     while True:
-        order, stuck = _sorted(flights, separation_m)
+        order, stuck = _sorted(flights, before)
         if not stuck:
             return order
         best, least = None, len(stuck)
         for flight in stuck:
+            if late():
+                break
             if flight.host not in known:
                 known[flight.host] = tuple(alternatives(flight))
             for other in known[flight.host]:
+                if late():
+                    break
                 tried = tuple(other if each.host == flight.host else each for each in flights)
-                left = len(_sorted(tried, separation_m)[1])
+                changed = _exchanged(before, other, tried, separation_m)
+                left = len(_sorted(tried, changed)[1])
                 if left < least:
-                    best, least = tried, left
+                    best, least = (tried, changed), left
         if best is None:
             return Conflict(hosts=tuple(flight.host for flight in stuck))
-        flights = best
+        flights, before = best
 
 
 def clear_after_m(first: Flight, second: Flight, separation_m: float) -> float:
@@ -128,12 +135,25 @@ def _rest(flight: Flight, flown_m: float) -> Flight:
     return Flight(host=flight.host, points_m=tuple(points))
 
 
-def _sorted(flights: tuple[Flight, ...], separation_m: float) -> tuple[tuple[Flight, ...], tuple[Flight, ...]]:
-    """The flights in an order of departure, and those for which there is none."""
-    before = {
-        flight.host: {other.host for other in flights if other is not flight and _first(other, flight, separation_m)}
+def _before(flight: Flight, flights: tuple[Flight, ...], separation_m: float) -> set[str]:
+    """The hosts that have to depart before this one."""
+    return {other.host for other in flights if other.host != flight.host and _first(other, flight, separation_m)}
+
+
+def _exchanged(
+    before: dict[str, set[str]], new: Flight, flights: tuple[Flight, ...], separation_m: float
+) -> dict[str, set[str]]:
+    """Who has to depart before whom when one host flies another way."""
+    changed = {
+        flight.host: before[flight.host] - {new.host} | ({new.host} if _first(new, flight, separation_m) else set())
         for flight in flights
+        if flight.host != new.host
     }
+    return {**changed, new.host: _before(new, flights, separation_m)}
+
+
+def _sorted(flights: tuple[Flight, ...], before: dict[str, set[str]]) -> tuple[tuple[Flight, ...], tuple[Flight, ...]]:
+    """The flights in an order of departure, and those for which there is none."""
     order: list[Flight] = []
     waiting = list(flights)
     while waiting:
@@ -151,7 +171,18 @@ def _first(one: Flight, other: Flight, separation_m: float) -> bool:
     if len(one.points_m) == len(other.points_m) == 1:
         return False
     required = required_m(one, other, separation_m)
+    if _boxes_gap_m(one, other) >= required:
+        return False
     return gap_m(one.start, other) < required or gap_m(one, other.goal) < required
+
+
+def _boxes_gap_m(one: Flight, other: Flight) -> float:
+    """How far the lines are apart at least, along one of the axes."""
+    gaps_m = []
+    for axis in range(3):
+        here, there = [point[axis] for point in one.points_m], [point[axis] for point in other.points_m]
+        gaps_m.append(max(min(here) - max(there), min(there) - max(here)))
+    return max(gaps_m)
 
 
 def _segment_gap_m(a: Point, b: Point, c: Point, d: Point) -> float:

@@ -1,12 +1,15 @@
 """The command line: ``hsop-gcs COMMAND``. Each command lives in a module of its own and imports what it needs late."""
 
 import sys
+import time
 from typing import NoReturn
 
 import typer
 
 from hsop_gcs.errors import BadInput, HsopError
 
+BEGAN_S = time.monotonic()
+"""When the command was given, as nearly as a program knows."""
 app = typer.Typer(
     name="hsop-gcs",
     help="Place camera aircraft where they localize intruding drones best, and fly them there.",

@@ -108,9 +108,9 @@ class Decision:
     orders: tuple[HostOrder, ...] = ()
     reason: str = ""
     iterations: tuple[int, ...] = ()
-    """Of the placements it took: what makes the decision again."""
+    """Of the placements it took, and of the stages of carrying them out: what makes the decision again."""
     left_out: Mapping[str, str] = field(default_factory=dict)
-    """Threats that no host can see, and why: the plan is for the others, and keeps its distance to these."""
+    """Threats that the plan does not see, and why: it is for the others, and keeps its distance to these."""
     keeps: bool = False
     """The flying plan still does: its hosts stay, only their cameras turn on."""
 

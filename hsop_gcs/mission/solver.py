@@ -60,7 +60,7 @@ class Solver:
         try:
             await asyncio.wrap_future(self._warm)
             async with asyncio.timeout(patience_s):
-                return await loop.run_in_executor(pool, _decide, situation, rules)
+                return await loop.run_in_executor(pool, _decide, situation, rules, time.monotonic())
         except BrokenProcessPool:
             self._give_up(pool)
             raise
@@ -115,5 +115,6 @@ def _warm_up_beside() -> None:
     warm_up_beside()
 
 
-def _decide(situation: Situation, rules: PlanningRules) -> Decision:
-    return decide(situation, rules, now=time.monotonic)
+def _decide(situation: Situation, rules: PlanningRules, asked_s: float) -> Decision:
+    """The decision, within its time limit since it was asked for: the clock is the same in all processes."""
+    return decide(situation, rules, now=time.monotonic, late_s=time.monotonic() - asked_s)

@@ -193,7 +193,9 @@ def _over(
     plan: Plan, tracks: tuple[Track, ...], movers: tuple[Mover, ...], now_s: float, planning: PlanningRules
 ) -> str | None:
     """Say why the plan cannot do any more what it is for; None if it can, in spite of what has departed from it."""
-    if {track.id for track in tracks} != {pair.threat for pair in plan.decision.placement.pairs}:
+    decision = plan.decision
+    expected = {threat.id for threat in decision.threats if threat.id not in decision.left_out}
+    if not {pair.threat for pair in decision.placement.pairs} >= expected:
         return "not all threats are seen"
     from_s = max(plan.decision.window_start_s - now_s, 0.0)
     threats = tuple(threat_of(track, now_s) for track in tracks)

@@ -20,7 +20,7 @@ def frontier(
 ) -> Mapping[int, Placement]:
     """Find a placement for every number of hosts that has one, ascending; empty if none does.
 
-    The numbers share one search and its time limit, seconds on the clock ``now``; each gets one round at least.
+    The numbers share one search and its time limit, seconds on the clock ``now``, the fewest hosts first.
     iterations: so many rounds for each instead. Raises BadInput for no threats.
     """
     if not problem.threats:

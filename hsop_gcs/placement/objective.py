@@ -91,10 +91,17 @@ def threat_points_m(problem: Problem) -> FloatArray:
 
 
 def threat_ways_m(problem: Problem) -> FloatArray:
-    """Return the ends of the ways that hosts keep clear of: (threats, 2, 3), ENU metres; they begin ``lead_s`` ago."""
-    ends = threat_points_m(problem)
-    ends[:, 0] = [threat.predicted_m(-problem.lead_s) for threat in problem.threats]
-    return ends
+    """Return the ends of the ways that hosts keep clear of, (ways, 2, 3), ENU metres; they begin ``lead_s`` ago.
+
+    Those of the threats come first, then those of the bystanders.
+    """
+    return np.array(
+        [
+            [threat.predicted_m(-problem.lead_s), threat.predicted_m(problem.horizon_s)]
+            for threat in (*problem.threats, *problem.bystanders)
+        ],
+        dtype=np.float64,
+    )
 
 
 def hover_altitudes_m(problem: Problem) -> tuple[float, float]:
@@ -128,6 +135,15 @@ def segment_distance(point_m: npt.ArrayLike, start_m: npt.ArrayLike, end_m: npt.
     length_squared = float(along @ along)
     fraction = 0.0 if length_squared == 0 else min(1.0, max(0.0, float((point - start) @ along) / length_squared))
     return math.dist(point, start + fraction * along)
+
+
+def path_distances_m(points_m: FloatArray, ways_m: FloatArray) -> FloatArray:
+    """Return the distances of points, (n, 3), from straight ways, (m, 2, 3): (n, m) metres."""
+    starts, along = ways_m[:, 0], ways_m[:, 1] - ways_m[:, 0]
+    squares = np.einsum("mx,mx->m", along, along)
+    offsets = points_m[:, None] - starts
+    shares = np.einsum("nmx,mx->nm", offsets, along) / np.where(squares > 0, squares, 1.0)
+    return np.asarray(np.linalg.norm(offsets - np.clip(shares, 0.0, 1.0)[..., None] * along, axis=2))
 
 
 def angle_between(first: npt.ArrayLike, second: npt.ArrayLike) -> float:
@@ -282,7 +298,7 @@ def margins(problem: Problem, hosts: Sequence[HoverPose], views: Views) -> Margi
     if problem.formulation is Formulation.LETTER:
         return slack
     places, airspace = [pose.position_m for pose in hosts], problem.airspace
-    distance_m += [segment_distance(p, *way) - problem.safety_distance_m for p in places for way in ways]
+    distance_m.append(float(path_distances_m(np.array(places), ways).min()) - problem.safety_distance_m)
     apart_m = [math.dist(a, b) - problem.min_separation_m for i, a in enumerate(places) for b in places[:i]]
     return replace(
         slack,

@@ -19,14 +19,13 @@ from hsop_gcs.placement.instance import Instance
 from hsop_gcs.placement.objective import threat_points_m
 from hsop_gcs.placement.pair_sets import PlanePoint, observed_threats
 from hsop_gcs.placement.pair_sets import initial_observers as initial_observers_of
+from hsop_gcs.placement.partial import is_possible, place_some, without
 from hsop_gcs.placement.problem import Formulation, Objective, Problem
 from hsop_gcs.placement.reasons import why_infeasible, why_not_flown
 from hsop_gcs.placement.solution import HoverPose, Method, Placement, Status
 
-REASONING_S = 3.0
-"""What it may take to say why the search found nothing."""
-REASONING_ROUNDS = 3
-"""How many rounds of the search it takes to believe that there is nothing to find."""
+REASONING_S, LATE_REASONING_S = 3.0, 1.0
+"""What it may take to say why the search found nothing, and how much of that after the deadline."""
 
 
 def place(
@@ -44,6 +43,9 @@ def place(
     warm_start: Placement | None = None,
     until_settled: bool = False,
     thorough_bound: bool = True,
+    partial: bool = False,
+    most_rounds: int | None = None,
+    reasoning_s: float = LATE_REASONING_S,
 ) -> Placement:
     """Say where hosts hover, where they look and which camera sees which threat.
 
@@ -54,8 +56,14 @@ def place(
     the letter's choice of cameras. target_error_m: instead of ``n_hosts``, the smallest number that brings every
     threat's expected error to this, metres, and if none does, the largest. warm_start: an earlier placement, of almost
     the same threats, to start the search from. until_settled: the search may stop before its time when nothing has been
-    gained for a while. thorough_bound: False spares the time of a tight lower bound. Poses carry the ids of
-    ``problem.hosts``, shared out for short flights, or h1, h2, ... if there are none.
+    gained for a while. thorough_bound: False spares the time of a tight lower bound. partial: where not all threats
+    can be seen, or not in this time, the others are placed for, the most valuable first: by weight, then by how many
+    can be seen together and how near they are; ``left_out`` says which are not, and why. most_rounds: no more
+    than these, also if there is time.
+    reasoning_s: what finding out
+    why there is no placement may take beyond the time limit. The operational formulation by
+    the global search only. Poses carry the ids of ``problem.hosts``, shared out for short flights, or h1, h2, ... if
+    there are none.
     Raises BadInput for no threats, a number of hosts outside 2 .. 2 N_t, initial observers without positions, and
     what the method cannot do.
     """
@@ -68,6 +76,25 @@ def place(
         raise BadInput("hosts", "current positions are needed to choose initial observers, and none were given")
     started = now()
     deadline = started + time_limit_s
+    if partial and method is Method.SEARCH and problem.formulation is Formulation.OPERATIONAL:
+        placement = place_some(
+            problem,
+            n_hosts=n_hosts,
+            seed=seed,
+            deadline=deadline,
+            now=now,
+            iterations=iterations,
+            warm_start=warm_start,
+            target_error_m=target_error_m,
+            until_settled=until_settled,
+            thorough_bound=thorough_bound,
+            most_rounds=most_rounds,
+        )
+        placement = replace(placement, method=method, seed=seed, solve_time_s=now() - started)
+        if placement.status is not Status.INFEASIBLE or len(placement.left_out) == len(problem.threats):
+            return placement
+        problem = without(problem, placement.left_out)
+        return replace(placement, reason=_why_none(problem, n_hosts, seed, now, deadline, reasoning_s))
     search = Search(
         Instance.of(problem),
         seed=seed,
@@ -94,7 +121,10 @@ def place(
             until_settled=until_settled,
             thorough_bound=thorough_bound,
         )
-        search.deadline = now() + REASONING_S
+        reasoning_until = now() + REASONING_S
+        if iterations is None:
+            reasoning_until = min(reasoning_until, max(deadline, now()) + reasoning_s)
+        search.deadline = reasoning_until
     else:
         counts = range(2, available + 1) if n_hosts is None else range(n_hosts, min(n_hosts, available) + 1)
         placement = _fewest_first(problem, search, method, counts, by_role=initial_observers)
@@ -106,7 +136,7 @@ def place(
                 search,
                 n_hosts=n_hosts,
                 available=available,
-                possible=lambda asked, count: _is_possible(asked, count, seed, now),
+                possible=lambda asked, count: is_possible(asked, count, seed, now),
             )
         else:
             reason = why_infeasible(problem, search, n_hosts=n_hosts, available=available)
@@ -114,14 +144,19 @@ def place(
     return replace(placement, method=method, seed=seed, solve_time_s=now() - started)
 
 
-def _is_possible(problem: Problem, n_hosts: int, seed: int, now: Callable[[], float]) -> bool:
-    """Return whether a few rounds of the search find any placement."""
-    from hsop_gcs.placement.search import search as search_globally
-
-    found = search_globally(
-        problem, n_hosts=n_hosts, seed=seed, deadline=math.inf, now=now, iterations=REASONING_ROUNDS
+def _why_none(
+    problem: Problem, n_hosts: int | None, seed: int, now: Callable[[], float], deadline: float, reasoning_s: float
+) -> str:
+    """Say why not even one threat is seen."""
+    until = min(now() + REASONING_S, max(deadline, now()) + reasoning_s)
+    search = Search(Instance.of(problem), seed=seed, deadline=until, now=now)
+    return why_not_flown(
+        problem,
+        search,
+        n_hosts=n_hosts,
+        available=min(2 * len(problem.threats), _available(problem, 2 * len(problem.threats))),
+        possible=lambda asked, count: is_possible(asked, count, seed, now),
     )
-    return found.status is not Status.INFEASIBLE
 
 
 def _fewest_first(problem: Problem, search: Search, method: Method, counts: range, *, by_role: bool) -> Placement:

@@ -59,6 +59,8 @@ class Problem:
     """One placement question. Frozen and picklable: a solve may run in another process."""
 
     threats: tuple[Threat, ...]
+    bystanders: tuple[Threat, ...] = ()
+    """Threats that nobody has to see, at the same moment: hosts keep clear of their ways as well; operational only."""
     hosts: tuple[AvailableHost, ...] = ()
     """Empty: as many as it takes, named h1, h2, ..."""
     max_hosts: int | None = None

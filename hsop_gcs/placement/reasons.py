@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from hsop_gcs.placement.airspace import Airspace
+from hsop_gcs.placement.beyond import why_beyond_airspace
 from hsop_gcs.placement.coverage_only import cover
 from hsop_gcs.placement.feasibility import CENTRAL, PERIPHERAL, Screen
 from hsop_gcs.placement.hsop import Search
@@ -60,6 +61,8 @@ def why_not_flown(
     """
     screens = [Screen(Instance.of(problem, rig)) for rig in problem.rigs]
     unlimited = _with_any_host(problem)
+    if available < 2 and n_hosts is None:
+        return f"{_hosts(available)} available; at least 2 are needed to see every threat"
     for index, threat in enumerate(problem.threats):
         if beyond := _beyond_cameras(problem, screens, index):
             return beyond
@@ -90,8 +93,38 @@ def why_not_flown(
 def out_of_sight(problem: Problem) -> dict[str, str]:
     """Return the threats that nobody can see, whatever the others do, and for each a sentence that says why."""
     screens = [Screen(Instance.of(problem, rig)) for rig in problem.rigs]
-    found = ((threat.id, _beyond_cameras(problem, screens, index)) for index, threat in enumerate(problem.threats))
-    return {threat_id: why for threat_id, why in found if why is not None}
+    found = {}
+    for index, threat in enumerate(problem.threats):
+        why = _beyond_cameras(problem, screens, index)
+        if why is None and problem.formulation is Formulation.OPERATIONAL:
+            why = why_beyond_airspace(problem, threat, max(float(screen.reach_m[:, index].max()) for screen in screens))
+        if why is not None:
+            found[threat.id] = why
+    return found
+
+
+def why_unseen(problem: Problem, *, possible: Callable[[Problem, int], bool], late: Callable[[], bool]) -> str | None:
+    """Return one sentence on why the problem's only threat cannot be seen by two hosts of its own; None if it can, or
+    if there is no time to find out.
+
+    possible: whether a placement of a problem with exactly so many hosts is found.
+    """
+    (threat,) = problem.threats
+    alone = _with_any_host(problem)
+    if late() or possible(alone, 2):
+        return None
+    return f"threat {threat.id} cannot be seen by any two hosts: {_in_the_way(alone, 2, possible, late)}"
+
+
+def why_left(threat_id: str, hosts: int, seen: int, threats: int) -> str:
+    """Return one sentence on why a threat is left that could be seen if there were no others."""
+    others = "the other" if seen == 1 else f"{seen} others"
+    return f"threat {threat_id} is left for {others}: no placement of {_counted(hosts)} for all {threats} was found"
+
+
+def why_not_two(threat_id: str) -> str:
+    """Return one sentence on a threat for which no two hover points were found, and no time to find out why not."""
+    return f"threat {threat_id} cannot be seen by any two hosts: no hover points that keep all rules were found"
 
 
 def _in_the_way(

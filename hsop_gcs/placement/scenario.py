@@ -97,6 +97,7 @@ def plan_to_json(placement: Placement) -> dict[str, Any]:
     return {
         "status": placement.status.value,
         **({"reason": placement.reason} if placement.reason else {}),
+        **({"left_out": dict(placement.left_out)} if placement.left_out else {}),
         "formulation": placement.formulation.value,
         "objective": placement.objective.value,
         "method": str(placement.method),

@@ -1,8 +1,8 @@
 """What is answered: where hosts hover, where they look, and which camera sees which threat."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from hsop_gcs.cameras.rig import CameraKind
@@ -16,8 +16,10 @@ class Status(StrEnum):
     """No better placement exists within 0.1 %; every constraint holds."""
     FEASIBLE = "feasible"
     """The best placement found; every constraint holds."""
+    PARTIAL = "partial"
+    """The best placement found sees some of the threats, and every constraint holds; ``left_out`` says why not all."""
     INFEASIBLE = "infeasible"
-    """No placement was found that sees every threat; ``reason`` says why."""
+    """No placement was found that sees every threat, or any if some would do; ``reason`` says why."""
 
 
 class Method(StrEnum):
@@ -82,7 +84,10 @@ class Placement:
     """Why nothing was found, in terms of the input; empty otherwise."""
     method: str = Method.LETTER
     iterations: int = 0
-    """So many rounds of the search, asked for again, give the same placement: those it had time for, or fewer."""
+    """What the search, asked for it again, gives the same placement for: above 0 the rounds that it had time for, or
+    fewer; below 0 the steps of a search that was cut short."""
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    """Threats that are not seen, and why, where a placement may be partial."""
 
 
 def worst_error_m(placement: Placement) -> float:
@@ -96,6 +101,25 @@ def mean_error_m(placement: Placement) -> float:
     """Return the mean of the threats' expected errors, metres; infinite without one."""
     errors_m = [math.inf if pair.expected_error_m is None else pair.expected_error_m for pair in placement.pairs]
     return sum(errors_m) / len(errors_m) if errors_m else math.inf
+
+
+def without_hosts(placement: Placement, hosts: Collection[str]) -> Placement:
+    """Return the placement without these hosts and the threats of which they see one view, and without hosts that then
+    see nothing; it costs less, and its bound says nothing."""
+    gone = set(hosts)
+    pairs = tuple(pair for pair in placement.pairs if not any(view.host in gone for view in pair.views))
+    needed = {view.host for pair in pairs for view in pair.views}
+    pairs = tuple(
+        replace(pair, more_views=tuple(view for view in pair.more_views if view.host in needed)) for pair in pairs
+    )
+    return replace(
+        placement,
+        status=Status.PARTIAL,
+        hosts=tuple(pose for pose in placement.hosts if pose.host in needed),
+        pairs=pairs,
+        cost=sum(pair.cost for pair in pairs),
+        lower_bound=0.0,
+    )
 
 
 def renamed(placement: Placement, names: Mapping[str, str]) -> Placement:

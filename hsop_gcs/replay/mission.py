@@ -128,10 +128,19 @@ def _decision_differences(number: int, given: DecisionMade, again: Decision) -> 
 
 
 def _timeless(decision: Decision) -> Decision:
-    """Without what hangs on the clock: how long it took, and how much of a bound there was time to prove."""
+    """Without what hangs on the clock: how long it took, and how much there was time to prove or to find out."""
     placement = decision.placement
     status = Status.FEASIBLE if placement.status is Status.OPTIMAL else placement.status
-    return replace(decision, placement=replace(placement, solve_time_s=0.0, lower_bound=0.0, status=status))
+    placement = replace(
+        placement,
+        solve_time_s=0.0,
+        lower_bound=0.0,
+        status=status,
+        reason="",
+        left_out=dict.fromkeys(placement.left_out, ""),
+    )
+    reason = decision.reason if placement.hosts else ""
+    return replace(decision, placement=placement, reason=reason, left_out=dict.fromkeys(decision.left_out, ""))
 
 
 def _differences(number: int, given: Input, what: str, recorded: Any, again: Any) -> Iterator[Difference]:

@@ -51,7 +51,7 @@ def test_a_frontier_has_a_plan_for_every_number_of_hosts_at_falling_cost(client:
 
 
 def test_a_target_error_is_met_with_the_hosts_it_takes(client: httpx2.Client) -> None:
-    plan = ask(client, target_error_m=50.0, time_limit_s=0.3).json()
+    plan = ask(client, target_error_m=50.0, time_limit_s=2.0).json()
     assert plan["n_hosts"] == 2
     assert max(pair["expected_error_m"] for pair in plan["pairs"]) <= 50.0
 

@@ -63,6 +63,22 @@ def test_an_infeasible_scenario_is_exit_3_with_one_line_and_a_plan_file_that_say
     assert kept["reason"].startswith("threat jet flies 400.0 m")
 
 
+def test_a_plan_that_leaves_threats_out_is_exit_3_and_names_them(tmp_path: Path) -> None:
+    threats = [{"id": "a", "position_m": [0, 0]}, {"id": "far", "position_m": [900, 0]}]
+    hosts = [{"id": f"h{k}", "position_m": [20 * k, 50]} for k in range(3)]
+    written = tmp_path / "plan.json"
+    ran = plan("-", "-o", str(written), stdin=json.dumps({"threats": threats, "hosts": hosts}))
+    assert ran.returncode == 3
+    assert "1 threats" in ran.stdout
+    assert ran.stderr == (
+        "hsop-gcs: left out: threat far is left for the other: no placement of 2 hosts for all 2 was found\n"
+    )
+    kept = json.loads(written.read_text())
+    assert (kept["status"], list(kept["left_out"])) == ("partial", ["far"])
+    verdict = check({"threats": threats[:1]}, kept, segment=True)
+    assert verdict["ok"], verdict["problems"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "stdin", "message"),
     [

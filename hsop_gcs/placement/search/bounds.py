@@ -3,6 +3,7 @@
 import heapq
 import itertools
 import math
+from collections.abc import Callable
 from concurrent.futures import Executor
 
 import numpy as np
@@ -17,20 +18,29 @@ from hsop_gcs.placement.search.model import (
     path_offset,
     threat_cost,
 )
+from hsop_gcs.placement.search.parts import question_about
 
 FEW_BOXES, MANY_BOXES = 4_000, 300_000
 """Pairs of boxes looked at per threat, for a first bound (some thousandths of a second) and for a proof."""
+BOUNDED = 8
+"""Threats between two looks at the clock."""
 CELLS = 400
 """Along a threat's path, for a bound in space."""
 
 
-def lower_bound(q: Question, executor: Executor, *, thorough: bool) -> float:
+def lower_bound(q: Question, executor: Executor, *, thorough: bool, late: Callable[[], bool] = lambda: False) -> float:
     """Return a cost that no placement goes below, whatever the number of hosts.
 
     The sum over threats of the least that a pair of hosts of its own can cost: sharing hosts between threats only adds
-    constraints.
+    constraints. Threats that are come to when it is late count as nothing.
     """
-    return float(own_bounds(q, executor, thorough=thorough).sum())
+    total, threats = 0.0, len(q.weight)
+    for first in range(0, threats, BOUNDED):
+        if late():
+            break
+        some = question_about(q, list(range(first, min(first + BOUNDED, threats))))
+        total += float(own_bounds(some, executor, thorough=thorough).sum())
+    return total
 
 
 def own_bounds(q: Question, executor: Executor, *, thorough: bool) -> Floats:

@@ -243,9 +243,10 @@ def keeps_aim(q: Question, s: State, host: int) -> bool:
 def list_elements(q: Question, s: State, moving: Ints) -> Ints:
     """Return the costs and rules that the poses of moving hosts (marked 1) decide, costs first."""
     threats, hosts = s.pairs.shape[0], s.degree.shape[0]
-    most = (
-        threats * (1 + 12) + hosts * (q.paths_m.shape[0] + hosts + 3 + q.areas.shape[0]) + hosts * 4 * threats * threats
-    )
+    most = threats * (1 + 12) + 4 * hosts
+    for host in range(hosts):
+        if moving[host] > 0:
+            most += q.paths_m.shape[0] + hosts + q.areas.shape[0] + 4 * s.degree[host] * s.degree[host]
     rows = np.zeros((most, 8), np.int64)
     m = 0
     for threat in range(threats):

@@ -40,19 +40,25 @@ class Frame:
     def inward(self, points_m: Floats) -> Floats:
         """Bring points (..., 3) into the frame, on the grid."""
         result = points_m.copy()
-        result[..., :2] = (points_m[..., :2] - self.origin_m) @ self.turn.T
+        result[..., :2] = turned(points_m[..., :2] - self.origin_m, self.turn.T)
         return np.round(result / GRID_M) * GRID_M
 
     def outward(self, points_m: Floats) -> Floats:
         """Take points (..., 3) back to east, north, up."""
         result = points_m.copy()
-        result[..., :2] = points_m[..., :2] @ self.turn + self.origin_m
+        result[..., :2] = turned(points_m[..., :2], self.turn) + self.origin_m
         return result
 
     def vectors_inward(self, vectors: Floats) -> Floats:
         """Bring plane directions (..., 2) into the frame."""
-        return vectors @ self.turn.T
+        return turned(vectors, self.turn.T)
 
     def vectors_outward(self, vectors: Floats) -> Floats:
         """Take plane directions (..., 2) back to east, north."""
-        return vectors @ self.turn
+        return turned(vectors, self.turn)
+
+
+def turned(vectors: Floats, turn: Floats) -> Floats:
+    """Return plane vectors, (..., 2), times a matrix: to the same bits whatever else is turned with them, which a
+    product of matrices does not promise."""
+    return np.asarray(vectors[..., :1] * turn[0] + vectors[..., 1:] * turn[1])

@@ -5,7 +5,7 @@ ask where they come from. So what it found is turned, part by part, around the t
 short of hover points that are far, and the placement that flies is mended as an alternative.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import chain, product
 
@@ -16,6 +16,7 @@ from hsop_gcs.placement.answer import PROVEN_GAP
 from hsop_gcs.placement.problem import Problem
 from hsop_gcs.placement.search.anneal import anneal
 from hsop_gcs.placement.search.chance import seeded
+from hsop_gcs.placement.search.frame import turned
 from hsop_gcs.placement.search.model import Floats, Ints, Question
 from hsop_gcs.placement.search.moves import mend
 from hsop_gcs.placement.search.neighbourhood import COLD_AGAIN, MENDING_STIFFNESS
@@ -35,12 +36,19 @@ _WARM = 0.03
 
 
 def nearer(
-    problem: Problem, placement: Placement, *, tolerance: float, climb: float, flying: Placement | None = None
+    problem: Problem,
+    placement: Placement,
+    *,
+    tolerance: float,
+    climb: float,
+    flying: Placement | None = None,
+    late: Callable[[], bool] = lambda: False,
 ) -> Placement | None:
     """Return the placement with parts of it turned and lifted, for shorter ways from where the problem's hosts are.
 
     tolerance: the share by which it may cost more. climb: how many metres a host flies in the time in which it climbs
-    one. flying: the earlier placement at which hosts are, or to which they are on their way. None: nothing was gained.
+    one. flying: the earlier placement at which hosts are, or to which they are on their way. late: from then on nothing
+    more is tried. None: nothing was gained.
     """
     if not problem.hosts:
         return None
@@ -59,6 +67,8 @@ def nearer(
         swept = least
         # the state moves on meanwhile, and what is tried next with it
         for tried in chain(mended if sweep == 0 else (), _turned(q, state), _shortened(q, state, homes)):
+            if late():
+                break
             if _is_good(q, tried, most) and (ways := homes.ways(tried)) < least:
                 least = ways
                 copy_state(tried, state)
@@ -113,8 +123,8 @@ def _turned(q: Question, state: State) -> Iterator[State]:
             angle = 2 * np.pi * step / _TURNS
             turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
             tried = copied(state)
-            tried.positions[hosts, :2] = (state.positions[hosts, :2] - middle) @ turn.T + middle
-            tried.axes[hosts] = state.axes[hosts] @ turn.T
+            tried.positions[hosts, :2] = turned(state.positions[hosts, :2] - middle, turn.T) + middle
+            tried.axes[hosts] = turned(state.axes[hosts], turn.T)
             yield tried
 
 

@@ -6,7 +6,7 @@ compile them once more.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -50,6 +50,8 @@ JOINT = 0.5
 """Share of the parts grown again that take another one beside them in."""
 GROWING_MOVES = 1_000
 """For each threat of what is annealed by itself."""
+MOST_POSES, MOST_POLISHED = 1_500, 48
+"""Threats times hosts up to which poses are annealed, and hosts that are polished together: beyond, both take long."""
 
 Found = tuple[State, Sequence[int]]
 """A placement and the numbers of the threats it has."""
@@ -243,16 +245,19 @@ def improve(
     known: Floats,
     chance: Chance,
     found: list[Found],
+    late: Callable[[], bool] = lambda: False,
 ) -> int:
     """Anneal neighbourhoods of ``s`` again, ``rounds`` times; whatever is polished goes to ``found`` too.
 
-    Returns how many rounds helped.
+    late: whether to stop before. Returns how many rounds helped.
     """
     threats, hosts = s.pairs.shape[0], s.degree.shape[0]
-    sight = sight_of(q) if decided_by_poses(q, s) else None
+    sight = sight_of(q) if decided_by_poses(q, s) and threats * hosts <= MOST_POSES else None
     cost, violation = totals(q, s)
     helped = 0
     for _ in range(rounds):
+        if late():
+            break
         marks = np.zeros(hosts, np.int64)
         threat = costlier(s, chance)
         mark_nearest(q, s, threat, 2 + below(chance, 4), marks)
@@ -263,7 +268,8 @@ def improve(
             most = math.inf
             copy_state(s, best)
             cross(q, best, threat, below(chance, 2))
-            marks[:] = 1
+            if hosts <= MOST_POLISHED:
+                marks[:] = 1
         elif kind < OVER_POSES and sight is not None:
             most = cost * (1 + PROMISING)
             copy_state(s, best)

@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 
+from hsop_gcs.placement.search.effort import Effort, OutOfTime
 from hsop_gcs.placement.search.model import CENTRAL, Floats, Question
 from hsop_gcs.placement.search.moves import keep_clear
 from hsop_gcs.placement.search.polish import polish
@@ -27,8 +28,16 @@ Accept = Callable[[Course], bool]
 class Courses:
     """The courses of one problem, made when they are first asked for. ``rounds`` counts those of all."""
 
-    def __init__(self, q: Question, seed: int, warm: Callable[[int], State] | None = None) -> None:
+    def __init__(
+        self,
+        q: Question,
+        seed: int,
+        warm: Callable[[int], State] | None = None,
+        effort: Effort | None = None,
+    ) -> None:
+        """effort: how many rounds there may be, of these courses and others."""
         self.q, self.seed = q, seed
+        self._effort = effort
         self.by_number: dict[int, Course] = {}
         self.rounds = 0
         self._warm = warm
@@ -44,8 +53,16 @@ class Courses:
         return self.by_number[number]
 
     def advance(self, number: int, executor: ThreadPoolExecutor) -> None:
-        """Run one round for a number of hosts."""
-        self.course(number).advance(executor)
+        """Run one round for a number of hosts. Raises OutOfTime, with nothing changed, if there is none to be run."""
+        course = self.course(number)
+        if self._effort is None:
+            course.advance(executor)
+        else:
+            self._effort.begin()
+            try:
+                course.advance(executor, self._effort.late)
+            except OutOfTime:
+                self._effort.give_up()
         self.rounds += 1
 
     def numbers(self) -> list[int]:
@@ -68,7 +85,7 @@ def least_acceptable(
     """Return the least of the numbers of hosts whose course comes to an acceptable placement in a few rounds.
 
     first: the number that is tried before the largest. If none is acceptable, the largest with any placement; None if
-    there is no placement at all. Takes rounds as the logarithm of how many numbers there are, whatever the time.
+    there is no placement at all. Takes rounds as the logarithm of how many numbers there are. Raises OutOfTime.
     """
     if not numbers:
         return None

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hsop_gcs.cameras.rig import CameraKind
+from hsop_gcs.cameras.rig import CameraKind, CameraRig
 from hsop_gcs.geometry.frames import Aim
 from hsop_gcs.placement.airspace import Airspace
 from hsop_gcs.placement.answer import KINDS, compass_deg, hover_pose, names_of, valued
@@ -112,8 +112,12 @@ def placement_of(problem: Problem, frame: Frame, q: Question, state: State) -> P
     positions = frame.outward(state.positions)
     if problem.formulation is Formulation.LETTER:
         positions[:, 2] = hover_altitudes_m(problem)[0]
-    names = names_of(problem, positions, [problem.rigs[rig] for rig in state.rigs])
-    poses = tuple(_pose(problem, frame, q, state, host, name, positions[host]) for host, name in enumerate(names))
+    rigs = problem.rigs
+    carried = [rigs[rig] for rig in state.rigs]
+    names = names_of(problem, positions, carried)
+    poses = tuple(
+        _pose(problem, frame, q, state, host, name, positions[host], carried[host]) for host, name in enumerate(names)
+    )
     views = {}
     for threat, pair, cameras in zip(problem.threats, state.pairs, state.cameras, strict=True):
         first, second = (View(host=names[h], camera=KINDS[int(c)]) for h, c in zip(pair, cameras, strict=True))
@@ -122,7 +126,14 @@ def placement_of(problem: Problem, frame: Frame, q: Question, state: State) -> P
 
 
 def _pose(
-    problem: Problem, frame: Frame, q: Question, state: State, host: int, name: str, position_m: Floats
+    problem: Problem,
+    frame: Frame,
+    q: Question,
+    state: State,
+    host: int,
+    name: str,
+    position_m: Floats,
+    rig: CameraRig,
 ) -> HoverPose:
     """Pan and tilt to the middle of what the central camera sees; an unused fisheye axis follows the pan."""
     degree = int(state.degree[host])
@@ -139,7 +150,7 @@ def _pose(
         tilt = math.atan2(centre[2] - position_m[2], math.dist(centre[:2], position_m[:2]))
     axis = frame.vectors_outward(state.axes[host]) if count < degree else aim
     looks = Aim(pan_deg=compass_deg(math.atan2(*aim)), tilt_deg=math.degrees(tilt)) if held else None
-    return hover_pose(name, position_m, compass_deg(math.atan2(*axis)), problem.rigs[state.rigs[host]], looks)
+    return hover_pose(name, position_m, compass_deg(math.atan2(*axis)), rig, looks)
 
 
 def state_of(problem: Problem, frame: Frame, q: Question, placement: Placement, n_hosts: int) -> State:

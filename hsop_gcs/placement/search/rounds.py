@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 from hsop_gcs.placement.search.chance import State as Chance
 from hsop_gcs.placement.search.chance import seeded
+from hsop_gcs.placement.search.effort import OutOfTime
 from hsop_gcs.placement.search.known import NO_POSES, KnownPoses
 from hsop_gcs.placement.search.model import Floats, Question
 from hsop_gcs.placement.search.moves import mend
@@ -104,9 +105,14 @@ class Course:
         self.pool.offer(self.q, mended)
         self._warm = True
 
-    def advance(self, executor: ThreadPoolExecutor) -> bool:
-        """Run one round; True if there is a new best."""
-        results = list(executor.map(self._task, range(LANES)))
+    def advance(self, executor: ThreadPoolExecutor, late: Callable[[], bool] = lambda: False) -> bool:
+        """Run one round; True if there is a new best.
+
+        late: raises OutOfTime, and nothing has changed, if this is so before the round has come to its end.
+        """
+        results = list(executor.map(lambda lane: self._task(lane, late), range(LANES)))
+        if late():
+            raise OutOfTime
         self.round += 1
         before, gained = self.pool.cost, False
         for state, found in results:
@@ -122,10 +128,10 @@ class Course:
             self.settled = self.round
         return self.pool.cost < before
 
-    def _task(self, lane: int) -> tuple[State, list[Found]]:
+    def _task(self, lane: int, late: Callable[[], bool]) -> tuple[State, list[Found]]:
         """Start afresh, or improve the best, or one of the others, as the course has it; then grow a part again.
 
-        Returns the state this comes to, and everything that was found on the way.
+        Returns the state this comes to, and everything that was found on the way; anything if it is late.
         """
         state, trial, spare = self._scratch[lane]
         chance = seeded(self.seed, self.n_hosts, self.round, lane)
@@ -133,7 +139,7 @@ class Course:
         starting = self._starting_lane()
         found: list[Found] = []
         if not states or starting in (EVERY_LANE, lane):
-            self._start(state, trial, spare, chance, found)
+            self._start(state, trial, spare, chance, found, late)
             trials = TRIALS_AFTER_QUICK_START if self._quick else TRIALS_AFTER_START
         elif self._warm and self.round == 0:
             trials = WARM_TRIALS
@@ -145,15 +151,15 @@ class Course:
             trials = TRIALS_MEANWHILE if starting is not None else QUICK_TRIALS if self._quick else TRIALS
             choice = 0 if lane == 0 or self.round % 2 == 0 else (self.round // 2) % len(states)
             copy_state(states[choice], state)
-        improve(self.q, state, trial, spare, trials, MOVES_PER_HOST, REACH_M, self.known.rows, chance, found)
-        if self.round > 0:
+        improve(self.q, state, trial, spare, trials, MOVES_PER_HOST, REACH_M, self.known.rows, chance, found, late)
+        if self.round > 0 and not late():
             found.append(regrown(self.q, state, REACH_M, self.known.rows, chance))
             if decided_by_poses(self.q, state):
                 found += [gathered(self.q, REACH_M, chance) for _ in range(GATHERINGS)]
-                if len(self.q.hosts_of_rig) == 1 and len(self.known.rows):
+                if not late() and len(self.q.hosts_of_rig) == 1 and len(self.known.rows):
                     every = range(len(self.q.weight))
                     found += [(s, every) for s in recombined(self.q, state, self.known.rows, chance)]
-            if self._quick:
+            if self._quick and not late():
                 known = self.known.rows if 2 * len(self.q.weight) < MANY_VIEWS * self.n_hosts else NO_POSES
                 found.append(self._fresh(spare, trial, known, chance, mending=self.pool.best is None))
         return state, found
@@ -172,10 +178,20 @@ class Course:
         turn, step = divmod(self.round, RESTART_EVERY)
         return turn % LANES if step == RESTART_EVERY - 1 and not self._quick else None
 
-    def _start(self, state: State, trial: State, spare: State, chance: Chance, found: list[Found]) -> None:
+    def _start(
+        self,
+        state: State,
+        trial: State,
+        spare: State,
+        chance: Chance,
+        found: list[Found],
+        late: Callable[[], bool],
+    ) -> None:
         """Leave the best of some short anneals from random poses in ``state``."""
         least = (math.inf, math.inf)
         for _ in range(STARTS):
+            if late():
+                break
             found.append(self._fresh(spare, trial, NO_POSES, chance, mending=0 < least[0] < math.inf))
             cost, violation = totals(self.q, spare)
             if (violation, cost) < least:
@@ -200,7 +216,7 @@ def run(
     rounds: int | None,
     patience: int | None = None,
 ) -> None:
-    """Advance until the deadline is near, at most so many rounds; the course's first round is always run.
+    """Advance until the deadline is near, at most so many rounds; a round that takes longer is given up.
 
     patience: end after so many rounds in a row that gained nothing.
     """
@@ -212,7 +228,10 @@ def run(
         if course.round > 0 and started + per_trial_s * course.effort > deadline:
             return
         before, effort = course.pool.cost, course.effort
-        course.advance(executor)
+        try:
+            course.advance(executor, lambda: now() > deadline)
+        except OutOfTime:
+            return
         count += 1
         idle = 0 if course.pool.cost < before * (1 - WORTH_GOING_ON) else idle + 1
         per_trial_s = max(0.7 * per_trial_s, (now() - started) / effort)

@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 from hsop_gcs.placement.fusion import fuses
 from hsop_gcs.placement.problem import Problem
 from hsop_gcs.placement.search.bounds import CELLS, own_pair_bound_in_space
+from hsop_gcs.placement.search.effort import Effort
 from hsop_gcs.placement.search.frame import Frame
 from hsop_gcs.placement.search.model import Question
 from hsop_gcs.placement.search.numbers import Courses
@@ -30,6 +31,7 @@ class Wanted:
         *,
         seed: int,
         executor: ThreadPoolExecutor,
+        effort: Effort | None = None,
     ) -> None:
         self._problem, self._frame, self._q = problem, frame, q
         self._target_m = target_error_m
@@ -43,7 +45,7 @@ class Wanted:
             threats = range(len(q.weight))
             # A pair of its own bounds the error of two views; a threat that this puts beyond the target stays there.
             if problem.max_views > 2 or all(own_pair_bound_in_space(aimed, t, CELLS) <= 1 for t in threats):
-                self._aimed = Courses(aimed, seed)
+                self._aimed = Courses(aimed, seed, effort=effort)
 
     def accepts(self, course: Course) -> bool:
         """Whether the course has an acceptable placement, or the search beside it finds one."""
@@ -59,6 +61,14 @@ class Wanted:
                 self._aimed.advance(number, self._executor)
             self._look_at(aimed)
         return number in self._within
+
+    def least(self, courses: Courses) -> int | None:
+        """Return the least number of hosts with an acceptable placement so far, else the one that comes nearest to it:
+        the largest with any; None if there is none."""
+        numbers = courses.numbers()
+        if self._target_m is None:
+            return min(numbers, default=None)
+        return min(self._within, default=max(numbers, default=None))
 
     def best(self, course: Course) -> State | None:
         """Return the least costly acceptable placement, else the least costly one."""
