@@ -147,9 +147,11 @@ def _routes(mission: Mission, account: Account) -> APIRouter:
         return HostsOut(hosts=mission.take_off(wanted.altitude_m, distinct(wanted.hosts, mission.fleet)))
 
     @router.post("/hosts/hold", operation_id="hold", responses=_problems(404, 422, 503))
-    async def hold(wanted: HoldIn) -> HostsOut:
-        """Stop hosts where they are, all if none is named; from then on no plan flies without approval."""
-        return HostsOut(hosts=mission.hold(distinct(wanted.hosts, mission.fleet)))
+    async def hold(wanted: HoldIn | None = None) -> HostsOut:
+        """Stop hosts where they are, all if none is named or there is no body; from then on no plan flies without
+        approval.
+        """
+        return HostsOut(hosts=mission.hold(None if wanted is None else distinct(wanted.hosts, mission.fleet)))
 
     @router.post("/hosts/recall", operation_id="recall", responses=_problems(404, 422, 503))
     async def recall(wanted: HostsIn) -> RecalledOut:

@@ -1,6 +1,7 @@
 """What carries bytes to and from vehicles: UDP here, TCP and serial lines in ``streams``."""
 
 import asyncio
+import socket
 from collections.abc import Callable
 from typing import Protocol
 
@@ -9,6 +10,9 @@ from hsop_gcs.link.endpoint import Address, Endpoint
 from hsop_gcs.link.streams import MOST_UNSENT_BYTES, StreamTransport
 
 _OPENED_AGAIN_S = 0.5
+_RECEIVE_BYTES = 4_000_000
+"""What the system keeps for us while we do not read, as far as it allows: some seconds of twenty vehicles. Of a buffer
+that is full it drops the newest."""
 
 OnBytes = Callable[[bytes, Address], None]
 """Given what arrived and from where; empty bytes say that a stream has ended."""
@@ -125,6 +129,7 @@ class UdpTransport(asyncio.DatagramProtocol):
                 transport, _ = await loop.create_datagram_endpoint(lambda: self, remote_addr=address)
         except OSError as error:
             raise Unavailable(f"{self.endpoint} cannot be opened: {error.strerror or error}") from error
+        transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BYTES)
         self._closed.clear()
         self._transport, self.problem = transport, None
         for name in ("sockname", "peername"):

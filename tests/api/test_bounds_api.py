@@ -39,6 +39,9 @@ def test_names_without_number_are_refused_with_the_bound(client: httpx2.Client, 
 
 def test_names_are_as_many_as_there_are_hosts_each_once(client: httpx2.Client) -> None:
     assert client.post("/api/v1/hosts/hold", json={"hosts": ["h2", "h1", "h2"] * 50}).json() == {"hosts": ["h2", "h1"]}
+    for body in (b"", b"{}", b"null"):
+        answer = client.post("/api/v1/hosts/hold", content=body, headers={"content-type": "application/json"})
+        assert answer.json() == {"hosts": ["h1", "h2"]}
     problem = told(client.post("/api/v1/hosts/hold", json={"hosts": ["h1", "h2", "h3"]}), 422)
     assert problem["detail"] == "hosts: 3 hosts are named, and the fleet has 2"
 
