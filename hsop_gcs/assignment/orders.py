@@ -105,7 +105,17 @@ def _shared_out(
         for host, point in unknown:
             flight = movers[host].id, placement.hosts[point].position_m
             if flight not in known:
-                known[flight] = None if late() else safe_route(movers[host], flight[1], threats, rules)
+                if late():
+                    # what is not known counts as unsafe, all of it at once
+                    routes = {
+                        (n, k): known.get((mover.id, pose.position_m))
+                        for n, mover in enumerate(movers)
+                        for k, pose in enumerate(placement.hosts)
+                    }
+                    for at, way in routes.items():
+                        least_m[at] = math.inf if way is None else way.length_m
+                    break
+                known[flight] = safe_route(movers[host], flight[1], threats, rules)
             routes[host, point] = route = known[flight]
             least_m[host, point] = math.inf if route is None else route.length_m
     return NoSafeFlight(

@@ -28,6 +28,11 @@ class Stages:
         """After how many looks each stage was late; -1: never."""
         return tuple(looks if late else _TO_THE_END for looks, late in zip(self._looks, self._late, strict=True))
 
+    @property
+    def was_late(self) -> bool:
+        """Whether any stage so far was."""
+        return any(self._late)
+
     def stage(self) -> Callable[[], bool]:
         """Begin a stage; it ends when what is returned says that it is late."""
         number = len(self._looks)

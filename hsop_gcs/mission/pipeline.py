@@ -4,7 +4,7 @@ Pure: a ``Situation`` goes in, a ``Decision`` comes out; the solver's clock is a
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import repeat
 
@@ -67,7 +67,7 @@ def decide(
     effort.least_s = _CARRYING_SHARE * time_s
     lead_s = _first_lead_s(situation, rules)
     effort.deadline = began + _GLANCE_UNTIL * time_s
-    glance = _decide_for(
+    glance, unreachable = _decide_for(
         situation,
         replace(rules, hosts="all"),
         lead_s,
@@ -75,6 +75,7 @@ def decide(
         began + _GLANCE_SHARE * time_s,
         iterations[:1],
         effort,
+        {},
         most_rounds=_GLANCE_ROUNDS,
     )
     needed_s = _slowest_s(glance, situation) + rules.settle_s
@@ -83,7 +84,7 @@ def decide(
     effort.deadline = began + time_s
     # carrying the placement out takes about as long as it took before
     until = effort.deadline - max(effort.least_s, min(effort.longest_s, _CARRYING_MOST * time_s))
-    decision = _decide_for(situation, rules, lead_s, now, until, iterations[1:2], effort)
+    decision, _ = _decide_for(situation, rules, lead_s, now, until, iterations[1:2], effort, unreachable)
     counts = (*glance.iterations, *decision.iterations, *effort.counts)
     if glance.orders and not decision.orders:
         decision = glance  # there was no time for more
@@ -99,9 +100,17 @@ def _decide_for(
     until_s: float,
     iterations: tuple[int, ...],
     effort: Stages,
+    unreachable: Mapping[str, str],
+    *,
     most_rounds: int | None = None,
-) -> Decision:
+) -> tuple[Decision, Mapping[str, str]]:
+    """The decision for one travel time, and the threats whose hosts were found not to get there, with the reason.
+
+    unreachable: those that are known before; the others are placed for.
+    """
     problem, left_out = _problem_in_sight(situation, rules, lead_s)
+    if unreachable.keys() < {threat.id for threat in problem.threats}:
+        problem, left_out = without(problem, unreachable), {**left_out, **unreachable}
     placement = place(
         problem,
         n_hosts=_host_count(problem, rules),
@@ -126,11 +135,15 @@ def _decide_for(
         left_out={} if placement.status is Status.INFEASIBLE else {**left_out, **placement.left_out},
     )
     if placement.status is Status.INFEASIBLE:
-        return decision
+        return decision, {}
     # what was found is to be carried out even if it took too long to find
     effort.deadline = max(effort.deadline, now() + effort.least_s)
     with effort.measured():
-        return _carried_out(decision, problem, situation, rules, effort)
+        carried_out = _carried_out(decision, problem, situation, rules, effort)
+    if effort.was_late:
+        return carried_out, {}
+    lost = carried_out.left_out.keys() - decision.left_out.keys()
+    return carried_out, {threat: why for threat, why in carried_out.left_out.items() if threat in lost}
 
 
 def _carried_out(
@@ -203,9 +216,9 @@ def _ordered(
         if not gone or not smaller.hosts:
             break
         placement = smaller
-    if isinstance(orders, NoSafeFlight):
-        return replace(decision, reason=orders.reason)
     in_order = {threat.id: left_out[threat.id] for threat in situation.threats if threat.id in left_out}
+    if isinstance(orders, NoSafeFlight):
+        return replace(decision, reason=orders.reason, left_out=in_order)
     flown_by = {pose.host: order.host for pose, order in zip(placement.hosts, orders, strict=False)}
     return replace(decision, placement=renamed(placement, flown_by), orders=orders, left_out=in_order)
 

@@ -124,13 +124,10 @@ def test_a_plan_for_some_of_the_threats_is_kept_while_no_other_sees_more() -> No
     again = decide(replace(two, flying=first.placement), rules, now=lambda: 0.0, iterations=(1, 1))
     assert again.keeps
     assert is_whole(again, two)
-    third = Threat(id="far2", position_m=(930.0, 0.0, 40.0))
-    more = replace(two, threats=(*two.threats, third), flying=first.placement)
-    assert {p.threat for p in decide(more, rules, now=lambda: 0.0, iterations=(1, 1)).placement.pairs} == {
-        "far0",
-        "far1",
-        "far2",
-    }
+    others = tuple(Threat(id=f"far{k}", position_m=(900.0 + 15.0 * k, 0.0, 40.0)) for k in range(2, 5))
+    more = replace(two, threats=(*two.threats, *others), flying=first.placement)
+    seen = {pair.threat for pair in decide(more, rules, now=lambda: 0.0, iterations=(1, 1)).placement.pairs}
+    assert seen == {"far0", "far1", "far2", "far3", "far4"}
 
 
 def test_a_threat_whose_hosts_cannot_get_there_is_left_out_and_the_others_are_flown_for() -> None:

@@ -15,7 +15,7 @@ LEAST_SINE = 0.15
 """Of the angle at which two posts see a threat."""
 LESS_VALUABLE = 1e-3
 """What a threat counts for while there are more valuable ones to be seen."""
-NEARNESS = 0.2
+NEARNESS = 0.9
 """By how much the threat nearest to the hosts counts more than the farthest."""
 PAIRED = 140
 """How many posts of a threat are looked at in pairs: those that see most."""
