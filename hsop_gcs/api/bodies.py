@@ -16,7 +16,7 @@ MAX_AT_ONCE = 1000
 MAX_ITEM = 8192
 """Characters of one report or detection."""
 MAX_FIELDS = 16
-"""Of one report or detection, or of an object in it."""
+"""Fields of one report or detection, or of an object in it."""
 _BREATH_S = 0.005
 _LONGEST_REST_S = 0.05
 _NEAR = 8

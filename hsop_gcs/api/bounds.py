@@ -22,7 +22,7 @@ class Bounds:
     connections: int = 256
     """Open at the same time. One more closes the one that has waited for its client longest."""
     connections_per_address: int = 64
-    """The same for one address."""
+    """Connections of one address that are open at the same time."""
     connections_at_once: int = 16
     """Accepted before anything else has its turn again."""
     url_bytes: int = 8_192
@@ -52,7 +52,7 @@ class Bounds:
     held_bodies: int = 8
     """Bodies as large as they may be whose bytes one address may have waiting here."""
     requests_per_s: float = 1000.0
-    """Of one address, steadily; a body of reports counts as one request for each half millisecond that it takes."""
+    """Requests of one address, steadily; a body of reports counts as one for each half millisecond that it takes."""
     burst_s: float = 2.0
     """For how many seconds' worth of requests an address that was quiet may come at once."""
     stops_per_s: float = 50.0

@@ -21,7 +21,7 @@ from hsop_gcs.api.bounds import Account, Bounds, Excess
 from hsop_gcs.api.problems import MEDIA_TYPE, body_of
 
 _SLICE = 65_536
-"""Of what came at once, parsed before it is looked at again whether it is too much."""
+"""Bytes that are parsed between two looks at whether a request is too large."""
 _CLOSING_S = 5.0
 """How long a closed connection may take to hand its last bytes to the network."""
 

@@ -99,7 +99,7 @@ Submit = Callable[[Sequence[Detection]], Sequence[Verdict]]
 
 
 _TOGETHER = 200
-"""So many detections of one body are looked at together; more would stop everything else for too long."""
+"""Detections of one body that are looked at together; more would stop everything else for too long."""
 _FIELDS = field_paths(DetectionIn)
 
 

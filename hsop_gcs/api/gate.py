@@ -28,7 +28,7 @@ _MOST_OWED_S = 30.0
 
 
 class Allowance:
-    """So many requests a second of each address, and a burst of them: token buckets."""
+    """Token buckets, one for each address: requests a second, and a burst of them."""
 
     def __init__(self, per_s: float, burst_s: float) -> None:
         self.per_s = per_s

@@ -14,9 +14,9 @@ from hsop_gcs.reports import Report, ReportRules, Site, locate
 from hsop_gcs.tracks import Verdict
 
 _TOGETHER = 200
-"""So many reports of one body are given to the tracker at a time; more would stop everything else for too long."""
+"""Reports of one body that are given to the tracker at a time; more would stop everything else for too long."""
 _PAIRS = 5_000
-"""The same for pairs of a report and a track: at worst each lies in the gate of each."""
+"""Pairs of a report and a track that are given to the tracker at a time: at worst each report lies in every gate."""
 _FIELDS = field_paths(ReportIn)
 
 

@@ -40,7 +40,7 @@ MAX_CORNERS = 1000
 MAX_AT_ONCE = 3
 """One that is solved, and two that wait."""
 MAX_PER_CLIENT = 2
-"""The same of one address: another one is always heard."""
+"""Questions of one address: another address is always heard."""
 NICENESS = 10
 _PATIENCE_S = 60.0
 """On top of the time limit; after that the worker counts as hung."""

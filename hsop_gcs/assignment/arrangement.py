@@ -34,7 +34,7 @@ class NoSafeFlight:
 
     reason: str
     hosts: tuple[str, ...] = ()
-    """Those of the placement that cannot get to their hover points, or not past each other."""
+    """Hosts of the placement that cannot get to their hover points, or not past each other."""
 
 
 def arrange(

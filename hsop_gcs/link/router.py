@@ -77,7 +77,7 @@ class Router:
         self.vehicles = {system: Vehicle(system, own=own, limits=limits) for system in systems}
         self.heartbeat = OwnHeartbeat(watchdog_s=watchdog_s)
         self.faults = Faults()
-        """Those that no vehicle is to be blamed for."""
+        """Faults that no vehicle is to be blamed for."""
         self._always: list[Peer] = []
         self._greeted_until_s: dict[Peer, float] = {}
         self._decoders: dict[Peer, Decoder] = {}

@@ -61,7 +61,7 @@ _MACHINES = (
 )
 """In the order in which they do what is due."""
 _EVEN_ILL = ("presence", "telemetry", "commands")
-"""Those of them that a vehicle keeps while it is not trusted with orders; the others wait."""
+"""The machines that a vehicle keeps while it is not trusted with orders; the others wait."""
 _ORDER_KEYS = ("hover", "take off", "gimbal aim")
 """What the commands of orders are submitted under."""
 _OPERATOR_DEADLINE_S = 5.0
@@ -117,7 +117,7 @@ class Vehicle:
         self._on_station = False
         self._events: list[Event] = []
         self._at_once: list[Message] = []
-        """What is sent past the machine that should send it, because that one failed."""
+        """Messages that are sent past the machine that should send them, because that machine failed."""
         self._illness = Illness()
         self._works = "vehicle"
         """Which machine is at work, to be named if it fails."""

@@ -14,7 +14,7 @@ class Stages:
         """counts: those of the same decision before, in place of the deadline."""
         self._now = now
         self.deadline = math.inf
-        """Of the stages that begin from now on, on the clock ``now``."""
+        """When stages that begin from now on are late, on the clock ``now``."""
         self._counts = None if counts is None else list(counts)
         self._looks: list[int] = []
         self._late: list[bool] = []

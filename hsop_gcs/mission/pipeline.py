@@ -34,11 +34,11 @@ _ARRIVAL_TOLERANCE_S = 1.0
 _GLANCE_ROUNDS = 1
 """Enough to know how far hosts will have to fly."""
 _GLANCE_SHARE, _GLANCE_UNTIL = 0.3, 0.45
-"""Of the time: for that placement, and until it has been carried out."""
+"""Shares of a decision's time: for the first placement, and until that has been carried out."""
 _CARRYING_SHARE, _CARRYING_MOST = 0.15, 0.3
-"""Of the time: what is kept for carrying the placement out that will fly, at least and at most."""
+"""Shares of a decision's time that are kept for carrying the final placement out, at least and at most."""
 _LEAST_SHARE = 0.2
-"""Of the time: what there is for a decision that is come to late."""
+"""The share of a decision's time that a question which has waited too long is given all the same."""
 _REASONING_S = 0.05
 _STANDING_M = 1.0
 """How much farther than the separation hover points are from aircraft that cannot be sent: those wander, too."""

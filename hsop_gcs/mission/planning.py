@@ -108,7 +108,7 @@ class Decision:
     orders: tuple[HostOrder, ...] = ()
     reason: str = ""
     iterations: tuple[int, ...] = ()
-    """Of the placements it took, and of the stages of carrying them out: what makes the decision again."""
+    """Rounds of the placements it took, and looks of the stages that carried them out: they make the decision again."""
     left_out: Mapping[str, str] = field(default_factory=dict)
     """Threats that the plan does not see, and why: it is for the others, and keeps its distance to these."""
     keeps: bool = False

@@ -58,12 +58,10 @@ def place(
     the same threats, to start the search from. until_settled: the search may stop before its time when nothing has been
     gained for a while. thorough_bound: False spares the time of a tight lower bound. partial: where not all threats
     can be seen, or not in this time, the others are placed for, the most valuable first: by weight, then by how many
-    can be seen together and how near they are; ``left_out`` says which are not, and why. most_rounds: no more
-    than these, also if there is time.
-    reasoning_s: what finding out
-    why there is no placement may take beyond the time limit. The operational formulation by
-    the global search only. Poses carry the ids of ``problem.hosts``, shared out for short flights, or h1, h2, ... if
-    there are none.
+    can be seen together and how near they are; ``left_out`` says which are not, and why. That goes in the operational
+    formulation and by the global search only. most_rounds: no more than these, also if there is time. reasoning_s: what
+    finding out why there is no placement may take beyond the time limit. Poses carry the ids of ``problem.hosts``,
+    shared out for short flights, or h1, h2, ... if there are none.
     Raises BadInput for no threats, a number of hosts outside 2 .. 2 N_t, initial observers without positions, and
     what the method cannot do.
     """

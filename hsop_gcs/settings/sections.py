@@ -61,11 +61,11 @@ class ServiceSection(Section):
     autonomy: Autonomy = Rules().autonomy
     max_body_bytes: Annotated[int, Field(gt=0)] = 1_000_000
     max_connections: Annotated[int, Field(ge=8, le=10_000)] = 256
-    """Of all clients at the same time."""
+    """Connections of all clients at the same time."""
     max_connections_per_address: Annotated[int, Field(ge=4, le=10_000)] = 64
     """Programs behind one proxy share an address."""
     max_requests_per_s: Annotated[float, Field(ge=10, le=1e6)] = 1000.0
-    """Of one address; holds and recalls are counted by themselves."""
+    """Requests of one address; holds and recalls are counted by themselves."""
     journal: Annotated[str, Field(min_length=1)] | None = None
     """Where everything that happens is written down; a mission found there goes on. None: nowhere."""
     journal_keep_bytes: Annotated[int, Field(ge=0)] = KEEP_BYTES

@@ -25,7 +25,7 @@ class RefusalKind(StrEnum):
     DISMISSED = "dismissed"
     """Of a threat that an operator took out of the picture."""
     FULL = "full"
-    """Of one more threat, or source, than the picture holds."""
+    """A report of one more threat, or source, than the picture holds."""
     UNEXPLAINED = "unexplained"
     """A bearing in which no known threat lies."""
 
@@ -37,7 +37,7 @@ class Refusal(BadInput):
         super().__init__(field, problem)
         self.kind = kind
         self.host = host
-        """Of ours, whose aircraft the report is of."""
+        """The host of ours that the report is of."""
 
 
 class SourceWatch(NamedTuple):

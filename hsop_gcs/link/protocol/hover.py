@@ -122,7 +122,7 @@ class Hover:
         self._events: list[Event] = []
         self._frame: LocalFrame | None = None
         self._adapter: Adapter | None = None
-        """That of the autopilot which was given the order."""
+        """The adapter of the autopilot which was given the order."""
         self._kind = ""
         self._ticket = 0
         self._accepted_at = 0.0

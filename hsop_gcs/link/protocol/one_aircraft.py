@@ -19,7 +19,7 @@ from hsop_gcs.link.events import AutopilotRestarted, Event, TwoAircraftHeard
 from hsop_gcs.link.messages import Attitude, GlobalPositionInt, Heartbeat, Message
 
 _SWITCHES = 6
-"""So many leaps within the window are no accident: a restart is one, a satellite receiver's bad moment two."""
+"""Leaps within the window that are no accident any more: a restart is one, a satellite receiver's bad moment two."""
 _WINDOW_S = 10.0
 _CLOCKS_APART_S = 5.0
 """No frame is this late: it is of another clock."""
@@ -42,7 +42,7 @@ T = TypeVar("T")
 
 
 class _Switches(Generic[T]):
-    """Of one kind of evidence: the present value, the one before it, and when it leapt."""
+    """What one kind of evidence shows: the present value, the one before it, and when it leapt."""
 
     def __init__(self) -> None:
         self.present: T | None = None

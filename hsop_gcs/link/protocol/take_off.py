@@ -64,7 +64,7 @@ class TakeOff:
         self._seen_armed = False
         self._climbs = False
         self._adapter: Adapter | None = None
-        """That of the autopilot which was given the order."""
+        """The adapter of the autopilot which was given the order."""
         self._kind = ""
         self._failed: str | None = None
 

@@ -94,7 +94,7 @@ class VehicleState:
     gimbal_heard_s: float | None = None
     home: GeodeticPoint | None = None
     battery_percent: float | None = None
-    """Of the battery with the least charge, as told lately."""
+    """The charge of the battery that has least, as told lately."""
     gps_fix: int | None = None
     """GPS_FIX_TYPE: 3 and above is a position in three dimensions."""
     satellites: int | None = None

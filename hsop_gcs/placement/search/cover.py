@@ -12,7 +12,7 @@ from hsop_gcs.placement.search.posts import Posts
 from hsop_gcs.placement.search.state import State, new_state, refresh, set_view, totals
 
 LEAST_SINE = 0.15
-"""Of the angle at which two posts see a threat."""
+"""The least sine of the angle at which two posts see a threat."""
 LESS_VALUABLE = 1e-3
 """What a threat counts for while there are more valuable ones to be seen."""
 NEARNESS = 0.9

@@ -16,7 +16,7 @@ class Effort:
         self.deadline, self._now, self._most = deadline, now, most
         self.taken = 0
         self.least = 0
-        """So many steps are taken also when it is late."""
+        """Steps that are taken also when it is late."""
 
     def late(self) -> bool:
         """Whether the deadline has passed: for long steps to look at, which are then given up as a whole."""

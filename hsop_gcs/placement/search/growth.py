@@ -38,7 +38,7 @@ from hsop_gcs.placement.search.state import State, copied, new_state, set_view, 
 MOST_POSTS, LEAST_TRIES, MOST_TRIES = 5_000, 24, 160
 """Places drawn in all, and for each threat."""
 ALONE_MOVES, ALONE_STARTS = 3_000, 3
-"""Of anneals of two hosts for a threat of which no two posts were found."""
+"""Moves and starts of anneals of two hosts for a threat of which no two posts were found."""
 ATTEMPTS = 3
 """How often a threat that is left is tried to be seen besides."""
 TOGETHER = 10
@@ -177,7 +177,7 @@ def _alone(q: Question, threat: int, seed: int) -> list[Posts]:
 
 
 def _lawful(q: Question, grown: Grown) -> Grown | None:
-    """The same without threats and hosts that break a rule together."""
+    """Return a placement without the threats and hosts that break a rule together; None if nothing is left."""
     while grown.threats:
         own = question_about(q, grown.threats)
         if keeps_rules(own, grown.state):
@@ -216,7 +216,7 @@ def _with_others(
 
 
 def _with(q: Question, grown: Grown, threat: int, chance: Chance) -> Grown | None:
-    """The same with one threat more, seen by the hosts there are, if an anneal of those near it finds how."""
+    """Return a placement with one threat more, seen by the hosts there are, if an anneal of those near it finds how."""
     threats = [*grown.threats, threat]
     own = question_about(q, threats)
     state, hosts = new_state(len(threats), len(grown.state.degree)), len(grown.state.degree)

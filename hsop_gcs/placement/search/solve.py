@@ -41,7 +41,7 @@ MOST_FOR_BOUNDS = 0.4
 MOST_FOR_ROUNDS = 24
 """With more threats a round of a course takes long, and what is found grows in smaller steps."""
 SHARE_OF_ROUNDS = 0.5
-"""Of the time, in which rounds have to come to a first placement where the answer may be partial."""
+"""The share of the time in which rounds have to come to a first placement where the answer may be partial."""
 CUT = 1_000_000
 """Iterations of an answer: above 0, rounds of the course of its number of hosts; below 0, one more than the steps of
 growth; and so much lower, steps after which there was no time to settle the number."""
@@ -129,7 +129,7 @@ class _Found:
 
     threats: list[int]
     state: State
-    """Of these threats."""
+    """The placement of these threats."""
     iterations: int
     bound: float | None = None
     hopeless: Sequence[int] = ()
