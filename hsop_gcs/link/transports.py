@@ -129,7 +129,9 @@ class UdpTransport(asyncio.DatagramProtocol):
                 transport, _ = await loop.create_datagram_endpoint(lambda: self, remote_addr=address)
         except OSError as error:
             raise Unavailable(f"{self.endpoint} cannot be opened: {error.strerror or error}") from error
-        transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BYTES)
+        # an event loop without sockets, such as one of virtual time, has none
+        if (own := transport.get_extra_info("socket")) is not None:
+            own.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BYTES)
         self._closed.clear()
         self._transport, self.problem = transport, None
         for name in ("sockname", "peername"):
