@@ -22,7 +22,7 @@ from hsop_gcs.link.enums import MavCmd, MavLandedState
 from hsop_gcs.link.messages import CommandInt, ExtendedSysState
 from hsop_gcs.link.tlog import read_tlog
 from hsop_gcs.mission.core import MissionState, apply
-from hsop_gcs.mission.inputs import HostDeparted, LegFlown, PlanFlew
+from hsop_gcs.mission.inputs import HostDeparted, HostGaveWay, LegFlown, PlanFlew
 from hsop_gcs.mission.records import read_inputs
 from hsop_gcs.replay import replay
 from tests.service import ORIGIN, free_udp_port, position, report, simulated_fleet, wait_until
@@ -82,6 +82,11 @@ def legs_of(journal: Path) -> dict[int, list[Leg]]:
     legs: dict[int, list[Leg]] = {}
     for _, given in read_inputs(journal):
         before, state = state, apply(state, given)
+        if isinstance(given, HostGaveWay):
+            place = frame.to_geodetic(np.array(state.ways_given[given.host].goal_m))
+            point = (round(place.lat_deg * 1e7), round(place.lon_deg * 1e7))
+            leg = Leg(time_s=given.time_s, leg_id=f"gave way at {given.time_s}", point=point)
+            legs.setdefault(int(given.host.removeprefix("h")), []).append(leg)
         if isinstance(given, PlanFlew | HostDeparted | LegFlown):
             for host, progress in state.progress.items():
                 if progress != before.progress.get(host):
